@@ -109,8 +109,10 @@ class NeesRequirement(Requirement):
     """The filter is consistent: its sigmas are right within a margin, by the mean NEES over runs and time."""
 
     kind: Literal["nees"] = Field(description="nees: consistency")
-    block: Literal["full", "position", "velocity"] = Field(
-        default="full", description="Part of the state: full, position or velocity; default full"
+    block: Literal["each", "full", "position", "velocity"] = Field(
+        default="each",
+        description="Part of the state: full, position, velocity, or each of the three; default each, as an "
+        "overconfident position can hide behind a conservative velocity",
     )
     sigma_margin: float = Field(
         default=0.1,

@@ -50,8 +50,8 @@ class FilterFacts(RunFigures):
         times_own_bound: The same of the bound of the filter's own model.
         augmented: What it found out about its augmented states; None where it has none.
         by_sensor: What came of each of its sensors; None where the result does not tell them apart.
-        mixture_sensors: Sensors whose noise it believes to be a mixture of Gaussians, under which only the mean of the
-            NIS is known.
+        mixture_sensors: Sensors whose noise is a mixture of Gaussians, so that innovations are not Gaussian and only
+            the mean of the NIS is known.
         observability: What its sensors can tell it of the state; None where the result does not say.
         named_sensors: Names of its sensors where it names any; empty: all of the case.
         known_when: When its estimates are known, in words; empty where that is at their own epoch, as in flight.
@@ -209,7 +209,7 @@ def filter_facts(results: Results, index: int, name: str, axes: Axes, settled: M
         augmented=results.augmented(index, name),
         by_sensor=by_sensor,
         stored_between=stored_epochs_between(results, index, sensors or (), times_s),
-        mixture_sensors=_mixture_sensors(results, index, name, sensors),
+        mixture_sensors=_mixture_sensors(results, index, None if by_sensor is None else by_sensor.names),
         observability=results.observability(index, name),
         named_sensors=results.named_sensors(index, name),
         known_when=known_when(results, index, name),
@@ -232,12 +232,8 @@ def _false_rejections(results: Results, index: int, name: str) -> float:
     return 1 - probability if isinstance(probability, float) else np.nan
 
 
-def _mixture_sensors(results: Results, index: int, name: str, used: Sequence[str] | None) -> tuple[str, ...]:
-    """Return the sensors whose noise is a mixture that the filter is told of; of all sensors where none are named."""
-    told = results.headers[index].variables.get(f"filters.{name}.assumed_noise")
-    told = told or filter_settings(results, index, name).get("assumed_noise")
-    if told != "mixture":
-        return ()
+def _mixture_sensors(results: Results, index: int, used: Sequence[str] | None) -> tuple[str, ...]:
+    """Return the sensors whose noise is a mixture, whatever the filter is told; of all where none are named."""
     sensors = results.campaign_content.get("sensors", {}) if used is None else used
     return tuple(sensor for sensor in sensors if _is_mixture(results, index, sensor))
 

@@ -59,7 +59,7 @@ Which = Literal["nees", "nis"]
 _STATE = layout.BLOCK_SIZES[0]  # dimension of the error
 _ZERO_RATIO = 1e-5
 _NEAR_TOP = 5.0
-_NO_NIS_BAND = " The band of the NIS does not hold for filters that assume a mixture as noise; its mean does."
+_NO_NIS_BAND = " The band of the NIS does not hold where the noise is a mixture; its mean does."
 
 
 def rms_over_time(
@@ -244,7 +244,7 @@ def consistency_over_time(
 
     A consistent filter stays inside the band in 95 % of the epochs (Bar-Shalom, Li and Kirubarajan 2001, section
     5.4.2). The band is that of the filter with the fewest degrees of freedom, which is the widest. There is none for
-    the NIS of filters that assume a mixture as noise: its mean is known then, not its distribution. Where a filter has
+    the NIS where the noise of a sensor is a mixture: its mean is known then, not its distribution. Where a filter has
     several sensors, each gets a panel with its NIS below that of all.
 
     Args:

@@ -156,13 +156,14 @@ def _expected_nis(case: CaseFacts) -> str:
 
 
 def no_band_note(case: CaseFacts) -> str:
-    """Return why filters that assume a mixture have no band of the NIS; nothing where all have one."""
+    """Return why filters have no band of the NIS where the noise is a mixture; nothing where all have one."""
     names = [item.name for item in case.filters if not item.nis_is_chi_square]
     if not names:
         return ""
     return (
-        f" {listed(names)}: noise assumed as a mixture, so the mean NIS is the dimension where the model is right, but "
-        "there is no chi-square band; judge by the interval of the mean, by the bootstrap over runs (Efron 1987)."
+        f" {listed(names)}: the noise is a mixture, so the mean NIS is the dimension where the filter is told its "
+        "covariance, but there is no chi-square band; judge by the interval of the mean, by the bootstrap over runs "
+        "(Efron 1987)."
     )
 
 

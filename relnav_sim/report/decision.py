@@ -11,6 +11,7 @@ from relnav_sim.report.decision_table import (
     MOST_CASES,
     NO_DIFFERENCE_THAT_MATTERS,
     decision_table,
+    not_asked_in_words,
     refusal_in_words,
 )
 from relnav_sim.report.page import DecisionSection
@@ -19,8 +20,10 @@ from relnav_sim.report.requirements import margin, margin_in_words, requirement_
 from relnav_sim.report.reservations import (
     Background,
     at_row,
+    in_which,
     not_shown,
     or_zero,
+    overconfident,
     requirements_under_stress,
     what_would_help,
 )
@@ -41,8 +44,13 @@ def decision_section(decision: Decision, known: Background) -> DecisionSection:
     choice = decision.overall
     others: list[Sentence] = []
     if choice.chosen is not None:
-        others += [*_others(decision, known), *_regret(choice.chosen, known), *_diverged(choice.chosen, known)]
-        others += requirements_under_stress(choice.chosen, known)
+        others += [
+            *_others(decision, known),
+            *overconfident(decision, choice.chosen, known),
+            *_regret(choice.chosen, known),
+            *_diverged(choice.chosen, known),
+            *requirements_under_stress(choice.chosen, known),
+        ]
     others += [*_refused(decision, known), *case_by_case(decision, known.labels), *what_would_help(decision, known)]
     others += not_shown(decision, known)
     lead, enough = _lead(decision, known), not (_one_run(decision) or _too_few(decision))
@@ -121,7 +129,7 @@ def _runs(decision: Decision) -> str:
 
 
 def _requirements(known: Background, name: str, set_aside: Sequence[str]) -> Iterator[Clause]:
-    """Yield a clause for each requirement: met with its smallest margin, or undecided at how many runs.
+    """Yield a clause for each requirement: met with its smallest margin, undecided at how many runs, or not asked.
 
     Args:
         known: What the decision rests on.
@@ -131,6 +139,7 @@ def _requirements(known: Background, name: str, set_aside: Sequence[str]) -> Ite
     for wanted in dict.fromkeys(item.name for item in known.judged):
         mine = [(place, item) for place, item in enumerate(known.judged) if item.name == wanted and item.filter == name]
         if not mine:
+            yield Clause(f"; {not_asked_in_words([wanted])}")
             continue
         verdict = overall([item.verdict for _, item in mine])
         place, item = min(
@@ -187,6 +196,10 @@ def _set_aside(names: Sequence[str], known: Background) -> Iterator[list[Clause]
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in names:
         groups.setdefault(tuple(_undecided(known, name)), []).append(name)
+    for name in groups.pop((), []):
+        asked = {item.name for item in known.judged if item.filter == name}
+        missing = dict.fromkeys(item.name for item in known.judged if item.name not in asked)
+        yield [Clause(f"{name} ({not_asked_in_words(list(missing))})")]
     for wanted, alike in groups.items():
         words = f"requirement{'s' if len(wanted) > 1 else ''} {listed(wanted)} undecided"
         place = _undecided(known, alike[0])[wanted[0]]
@@ -325,22 +338,13 @@ def _reasons(decision: Decision, name: str, known: Background) -> list[Clause]:
             continue  # the same finding: it diverged by its own covariance
         found = [case for case, choice in decision.cases if _has(choice, name, refusal)]
         where = worst_case if refusal.reason == "overconfident" or not found else found[0]
-        words = refusal_in_words(refusal, runs, worst.error_over_sigma) + _in_which(decision, found, where, known)
+        words = refusal_in_words(refusal, runs, worst) + in_which(decision, found, where, known)
         if refusal.reason == "requirement":
             missed = [(item.name, item.filter, item.verdict) == (refusal.what, name, "fail") for item in known.judged]
             parts.append([Clause(words, "requirements", requirement_anchor(missed.index(True)))])
             continue
         parts.append([at_row(where, name, words)])
     return joined(parts, "; ")
-
-
-def _in_which(decision: Decision, found: Sequence[CaseEvidence], worst: CaseEvidence, known: Background) -> str:
-    """Return in which of several cases a filter is refused for a reason; nothing where it is in all."""
-    if len(found) in (0, len(decision.cases)):
-        return ""
-    if len(found) == 1:
-        return f", {known.named(worst.index)}"
-    return f", in {len(found)} of {len(decision.cases)} cases"
 
 
 def _has(choice: Choice, name: str, reason: Refusal) -> bool:

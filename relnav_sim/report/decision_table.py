@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from relnav_sim.report.metrics import numbers
@@ -10,8 +10,8 @@ from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.results.case_names import case_in_tables
 from relnav_sim.statistics.decision import OVERCONFIDENT, Candidate, CaseEvidence, Choice, Decision, Refusal
 from relnav_sim.statistics.equivalence import Effect
-from relnav_sim.statistics.intervals import NO_INTERVAL, Interval
-from relnav_sim.wording import counted, significant
+from relnav_sim.statistics.intervals import NO_INTERVAL
+from relnav_sim.wording import counted, listed, significant
 
 MOST_CASES = 6
 """Of more cases the table is in the files only."""
@@ -67,7 +67,8 @@ def decision_table(decision: Decision, labels: Mapping[int, str], over: str, eno
         "and zero lies in the interval exactly where the test is undecided. "
         f"{NO_DIFFERENCE_THAT_MATTERS.capitalize()}: even the interval that holds for all pairs together, as wide or "
         f"wider, lies within ±{decision.margin_percent:g} % (statistics.matters_percent). Error / formal sigma: root "
-        f"of the ANEES, 1 for a consistent filter; no filter above {OVERCONFIDENT:g} is recommended.",
+        "of the ANEES, 1 for a consistent filter, of the whole state or of the part named beside it, which is more "
+        f"overconfident; no filter above {OVERCONFIDENT:g} is recommended.",
         corner="case" if many else "filter",
         columns=(*([Column("filter", numeric=False)] if many else []), *columns),
         rows=tuple(rows),
@@ -80,13 +81,13 @@ def decision_anchor(index: int, place: int) -> str:
     return f"decision-{index}-{place}"
 
 
-def refusal_in_words(refusal: Refusal, runs: int, ratio: Interval) -> str:
+def refusal_in_words(refusal: Refusal, runs: int, worst: Candidate) -> str:
     """Return why a filter is not recommended.
 
     Args:
         refusal: The reason.
         runs: Number of the filter's runs.
-        ratio: Its errors in units of its formal sigma.
+        worst: The filter in the case in which its errors are largest in units of its formal sigma.
     """
     match refusal.reason:
         case "not observable":
@@ -100,8 +101,18 @@ def refusal_in_words(refusal: Refusal, runs: int, ratio: Interval) -> str:
         case "requirement":
             return f"misses requirement {refusal.what}"
         case "overconfident":
-            size = significant(ratio.estimate)
-            return f"overconfident: errors {size} times the formal sigma (limit {OVERCONFIDENT:g})"
+            return f"overconfident: {errors_over_sigma(worst)} (limit {OVERCONFIDENT:g})"
+
+
+def not_asked_in_words(names: Sequence[str]) -> str:
+    """Return that a filter was not asked to meet some requirements."""
+    return f"requirement{'s' if len(names) > 1 else ''} {listed(names)} not asked of it"
+
+
+def errors_over_sigma(item: Candidate) -> str:
+    """Return how large a filter's errors are in units of its formal sigma, and those of which part of the state."""
+    of = f"{item.error_of} " if item.error_of else ""
+    return f"{of}errors {significant(item.error_over_sigma.estimate)} times the formal sigma"
 
 
 def _reference(decision: Decision, case: CaseEvidence, choice: Choice) -> str | None:
@@ -114,7 +125,10 @@ def _case_rows(case: CaseEvidence, choice: Choice, against: str | None, margin: 
     found = [case.difference(item.name, against) if against else None for item in case.candidates]
     sizes = numbers([item.position for item in case.candidates])
     above = numbers([NO_INTERVAL if one is None else one.percent for one in found])
-    ratios = numbers([item.error_over_sigma for item in case.candidates])
+    ratios = numbers(
+        [item.error_over_sigma for item in case.candidates],
+        notes=[f"({item.error_of})" if item.error_of else "" for item in case.candidates],
+    )
     rows = []
     for item, size, percent, ratio, one in zip(case.candidates, sizes, above, ratios, found, strict=True):
         effect = None if one is None else one.effect(margin)
@@ -130,11 +144,12 @@ def _case_rows(case: CaseEvidence, choice: Choice, against: str | None, margin: 
 def _follows(item: Candidate, choice: Choice, against: str | None, effect: Effect | None) -> Words:
     refusals = choice.refusals.get(item.name)
     if refusals:
-        words = "; ".join(refusal_in_words(one, item.runs, item.error_over_sigma) for one in refusals)
+        words = "; ".join(refusal_in_words(one, item.runs, item) for one in refusals)
         return Words(f"refused: {words}", mark="failed")
+    untold = f"; {not_asked_in_words(item.not_asked)}" if item.not_asked else ""
     if item.name == against:
-        return Words("acceptable, chosen", mark="best")
+        return Words(f"acceptable, chosen{untold}", mark="" if untold else "best")
     if item.name in choice.set_aside:
-        return Words("a requirement is undecided")
+        return Words(untold.removeprefix("; ") or "a requirement is undecided")
     words = "no run in common" if effect is None else _EFFECTS[effect]
     return Words(words, mark="best" if effect == "equivalent" else "")

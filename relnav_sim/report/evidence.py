@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from relnav_sim.campaign.models import MATTERS_PERCENT
 from relnav_sim.campaign.requirements import DivergedRequirement, FailedRequirement
 from relnav_sim.plots.filter_facts import FilterFacts
+from relnav_sim.plots.run_figures import Span, span_index
+from relnav_sim.report.consistency import consistency_verdict
 from relnav_sim.report.metrics import ANEES
 from relnav_sim.report.ranking import Ranking
+from relnav_sim.results import layout
 from relnav_sim.results.settings import case_setting
 from relnav_sim.statistics.decision import Candidate, CaseEvidence, Decision, decide, refusals_of
 from relnav_sim.statistics.equivalence import Difference
-from relnav_sim.statistics.intervals import NO_INTERVAL, Interval
+from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, mean_interval
 from relnav_sim.statistics.requirements import Judgement
 
 if TYPE_CHECKING:
@@ -54,7 +57,7 @@ def _evidence(ranking: Ranking, judged: Sequence[Judgement]) -> CaseEvidence:
     mine = [item for item in judged if item.case == case.index]
     return CaseEvidence(
         case.index,
-        tuple(_candidate(ranking, item, [one for one in mine if one.filter == item.name]) for item in case.filters),
+        tuple(_candidate(ranking, item, mine) for item in case.filters),
         {
             (pair.first, pair.second): Difference(pair.percent, pair.comparison.verdict, pair.simultaneous)
             for pair in ranking.position
@@ -62,7 +65,10 @@ def _evidence(ranking: Ranking, judged: Sequence[Judgement]) -> CaseEvidence:
     )
 
 
-def _candidate(ranking: Ranking, item: FilterFacts, judged: Sequence[Judgement]) -> Candidate:
+def _candidate(ranking: Ranking, item: FilterFacts, of_all: Sequence[Judgement]) -> Candidate:
+    """Return what is known of a filter, by what is judged of all filters of its case."""
+    judged = [one for one in of_all if one.filter == item.name]
+    verdicts = {one.name: one.verdict for one in judged}
     standing = ranking.of(item.name)
     later = {other.name for other in ranking.known_later}
     limited = {"failed" for one in judged if isinstance(one.requirement, FailedRequirement)}
@@ -75,12 +81,23 @@ def _candidate(ranking: Ranking, item: FilterFacts, judged: Sequence[Judgement])
         runs=len(item.runs),
         failed=item.failed,
         diverged=item.diverged_completed,
-        error_over_sigma=_root(ANEES.value(item, ranking.case.span)),
-        verdicts={one.name: one.verdict for one in judged},
+        **_consistency(item, ranking.case.span),
+        verdicts=verdicts,
+        not_asked=tuple(dict.fromkeys(one.name for one in of_all if one.name not in verdicts)),
         limited=frozenset(limited),
         observable=item.observable,
         known_when=item.known_when if item.name in later else "",
     )
+
+
+def _consistency(item: FilterFacts, span: Span) -> dict[str, Any]:
+    """Return the errors in units of the formal sigma, of the part of the state that the verdict rests on."""
+    found = consistency_verdict(item, span)
+    overconfident = found is not None and found.verdict == "overconfident"
+    if found is None or not overconfident or found.block == "full":
+        return {"error_over_sigma": _root(ANEES.value(item, span)), "overconfident": overconfident}
+    part = mean_interval(item.per_run("anees", span_index(span), layout.BLOCKS.index(found.block)))
+    return {"error_over_sigma": _root(part), "error_of": found.block, "overconfident": True}
 
 
 def _root(one: Interval) -> Interval:

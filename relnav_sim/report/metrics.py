@@ -149,8 +149,8 @@ def _nis_per_dof(item: FilterFacts, span: Span) -> Interval:
 def nis_ratio(total: Array, dof: Array, chi_square: bool) -> Interval:
     """Return the NIS per degree of freedom over runs with its interval.
 
-    Where a mixture is assumed as noise only the mean is known of the NIS of the predictive mixture, and its tails are
-    long: then by the bootstrap over runs, the degrees of freedom being the runs' mean.
+    Where the noise is a mixture only the mean of the NIS is known, and its tails are long: then by the bootstrap over
+    runs, the degrees of freedom being the runs' mean.
 
     Args:
         total: Sum of the NIS of each run (runs,); NaN: none.

@@ -62,6 +62,9 @@ def judgements(results: Results, cases: Sequence[int] | None = None, only: str |
     )
 
 
+_BLOCKS = {"full": "", "each": " of whole state, position and velocity"}
+
+
 def requirement_in_words(requirement: AnyRequirement) -> str:
     """Return what a requirement demands, without its confidence."""
     match requirement:
@@ -75,7 +78,7 @@ def requirement_in_words(requirement: AnyRequirement) -> str:
             size = f"{requirement.limit:g} {_unit(requirement.quantity)}"
             return f"RMS of {_errors_of(requirement.quantity)} below {size}, {_SPANS[requirement.span]}"
         case NeesRequirement():
-            part = "" if requirement.block == "full" else f", {requirement.block}"
+            part = _BLOCKS.get(requirement.block, f", {requirement.block}")
             low, high = _sigma_limits(requirement)
             return f"ANEES{part} between {low:.3g} and {high:.3g}, {_SPANS[requirement.span]}"
         case NisRequirement():

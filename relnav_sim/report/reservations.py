@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from relnav_sim.report.decision_table import decision_anchor
+from relnav_sim.report.decision_table import decision_anchor, errors_over_sigma
 from relnav_sim.report.error_budget import budget_title
 from relnav_sim.report.requirements import value_in_words
 from relnav_sim.report.sentences import Clause, Sentence, joined
@@ -136,6 +136,25 @@ def _may_be_overconfident(decision: Decision) -> list[list[Clause]]:
     size = f"{significant(ratio.estimate)}{between(ratio.low, ratio.high)}" if math.isfinite(ratio.estimate) else "none"
     words = at_row(case, name, f"error / formal sigma {size}")
     return [[Clause(f"that {name} is not overconfident ("), words, Clause(f", limit {OVERCONFIDENT:g})")]]
+
+
+def overconfident(decision: Decision, name: str, known: Background) -> Iterator[Sentence]:
+    """Yield that the chosen filter is overconfident, though not so far that it is refused."""
+    found = [(case, item) for case, _ in decision.cases if (item := case.of(name)) and item.overconfident]
+    if not found:
+        return
+    case, worst = max(found, key=lambda each: or_zero(each[1].error_over_sigma))
+    where = in_which(decision, [each for each, _ in found], case, known)
+    yield (Clause(f"{name} is overconfident: "), at_row(case, name, f"{errors_over_sigma(worst)}{where}"), Clause("."))
+
+
+def in_which(decision: Decision, found: Sequence[CaseEvidence], worst: CaseEvidence, known: Background) -> str:
+    """Return in which of several cases a filter is refused for a reason; nothing where it is in all."""
+    if len(found) in (0, len(decision.cases)):
+        return ""
+    if len(found) == 1:
+        return f", {known.named(worst.index)}"
+    return f", in {len(found)} of {len(decision.cases)} cases"
 
 
 def or_zero(one: Interval, end: str = "estimate") -> float:

@@ -11,6 +11,7 @@ from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.frame_error import frame_covariance
 from relnav_sim.astro.frames import own_from_inertial
 from relnav_sim.astro.gravity import Gravity
+from relnav_sim.astro.nominal_motion import moved_on
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.dynamics.orbit_filter import OrbitFilter, OrbitFilterOptions
 from relnav_sim.linalg import cholesky
@@ -27,6 +28,15 @@ BELIEVED_ZONALS = 2
 def believed_orbit(config: CaseConfig) -> ChiefOrbit:
     """Return the nominal orbit about the body that the craft believe in: a point mass with J2, where there is one."""
     return nominal_chief(config.truth).up_to(min(BELIEVED_ZONALS, highest_zonal(config.truth)))
+
+
+def believed_orbit_at(config: CaseConfig, sensor: str, time_s: float) -> ChiefOrbit:
+    """Return `believed_orbit` for a sensor's measurements from some time on, where its epoch 0 is that time.
+
+    Only in the deputy's frame does it matter where the chief is.
+    """
+    orbit = believed_orbit(config)
+    return moved_on(orbit, time_s) if relative_sensors(config.sensors)[sensor].host == "deputy" else orbit
 
 
 def believed_gravity(config: CaseConfig) -> Gravity:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.astro.nominal_motion import moved_on
 from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart, GivenStart
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.sensors import relative_sensors, sensor_measurement
 from relnav_sim.simulation.chunks import Chunk
-from relnav_sim.simulation.host_orbits import believed_orbit
+from relnav_sim.simulation.host_orbits import believed_orbit_at
 from relnav_sim.streams import RandomSource
 
 
@@ -55,13 +54,13 @@ class FixMaker:
 
     def __init__(self, config: CaseConfig, name: str) -> None:
         self._name, self._options = name, relative_sensors(config.sensors)[name]
-        self._config, self._orbit = config, believed_orbit(config)
+        self._config = config
 
     def fix(self, chunk: Chunk, k: int) -> tuple[Array, Array]:
         """Return position (runs, 3), RTN m, and covariance (runs, 3, 3) by the measurement at column k of a chunk."""
         step_s, sensors = self._config.clock.step_s, self._config.sensors
         # To a sensor's options a first fix is one at epoch 0.
-        now = moved_on(self._orbit, (chunk.first_epoch + k) * step_s)
+        now = believed_orbit_at(self._config, self._name, (chunk.first_epoch + k) * step_s)
         model = sensor_measurement(self._name, sensors, now, step_s, assumed_noise="nominal")
         fix = self._options.first_fix(model, chunk.inputs[self._name][self._options.forms[0]][:, k])
         assert fix is not None  # the sensor is one that gives fixes

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.astro.nominal_motion import moved_on
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.dynamics.context import DynamicsContext, TrainingTrack
 from relnav_sim.dynamics.interface import Dynamics
@@ -19,7 +18,7 @@ from relnav_sim.filters.run import advance
 from relnav_sim.filters.smoother import smooth
 from relnav_sim.sensors import relative_sensors, sensor_measurement
 from relnav_sim.simulation.chunks import chunks
-from relnav_sim.simulation.host_orbits import believed_orbit
+from relnav_sim.simulation.host_orbits import believed_orbit, believed_orbit_at
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import TruthOptions, begun_earlier, nominal_chief
@@ -74,7 +73,7 @@ def _smoothed(config: CaseConfig, name: str, dynamics: Dynamics, z: Array) -> tu
     if not len(seen):
         raise ValueError(f"the {name} sees nothing before the campaign's start, so that there is nothing to learn from")
     first = int(seen[0]) + 1
-    at_fix = moved_on(orbit, (first - 1) * step_s)
+    at_fix = believed_orbit_at(config, name, (first - 1) * step_s)
     at_once = sensor_measurement(name, sensors, at_fix, step_s, assumed_latency="none")
     fix = relative_sensors(sensors)[name].first_fix(at_once, z[:, first - 1])
     assert fix is not None  # the sensor is one that gives fixes

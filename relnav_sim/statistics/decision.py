@@ -2,8 +2,10 @@
 
 1. A filter is refused whose sensors cannot observe the state, whose estimates are known only later, that completed no
    run, failed or diverged in a run (in more than a requirement allows, where there is one), misses a requirement, or
-   whose errors are more than `OVERCONFIDENT` times its formal sigma.
+   whose errors are more than `OVERCONFIDENT` times its formal sigma, those of position or velocity as those of the
+   whole state.
 2. Of the others those that meet every requirement beyond doubt are preferred; where there are none, all the others.
+   A requirement that a filter was not asked to meet is undecided for it.
 3. Of these the filter with the smallest position RMS is chosen. The difference of each other one is "equivalent" where
    it is surely smaller than the margin, else as the ranking's test has it (`equivalence`).
 4. Over several cases a filter must not be refused in any. Of those left the one is chosen whose largest position RMS
@@ -49,7 +51,10 @@ class Candidate:
         failed: How many of them failed.
         diverged: How many diverged without failing.
         error_over_sigma: Root of the ANEES: the errors in units of the formal sigma; NaN where it is not known.
+        error_of: The part of the state that this is of, where it is overconfident beyond the whole state; else empty.
+        overconfident: Whether its covariance is surely too small, by however little (`consistency_of`).
         verdicts: On each requirement that is about the filter, by name.
+        not_asked: Requirements that are about other filters only: as undecided as one that no run has judged.
         limited: The losses that a requirement limits, ``failed`` and ``diverged``: then its verdict says enough.
         observable: Whether its sensors can observe the state.
         known_when: When its estimates are known, in words; empty: in flight.
@@ -62,7 +67,10 @@ class Candidate:
     failed: int = 0
     diverged: int = 0
     error_over_sigma: Interval = NO_INTERVAL
+    error_of: Literal["", "position", "velocity"] = ""
+    overconfident: bool = False
     verdicts: Mapping[str, Verdict] = field(default_factory=dict)
+    not_asked: tuple[str, ...] = ()
     limited: frozenset[str] = frozenset()
     observable: bool = True
     known_when: str = ""
@@ -70,7 +78,7 @@ class Candidate:
     @property
     def meets_all(self) -> bool:
         """Whether it meets every requirement beyond doubt."""
-        return all(verdict == "pass" for verdict in self.verdicts.values())
+        return not self.not_asked and all(verdict == "pass" for verdict in self.verdicts.values())
 
 
 @dataclass(frozen=True)
@@ -107,8 +115,8 @@ class Choice:
         chosen: The filter to fly; None: none can be recommended.
         meets_all: Whether it meets every requirement beyond doubt.
         effects: How each other acceptable filter compares with it, the smallest RMS first.
-        set_aside: Acceptable filters that are not compared, because a requirement is undecided for them and met by
-            others.
+        set_aside: Acceptable filters that are not compared, because a requirement is undecided for them, or was not
+            asked of them, and others meet all.
         refusals: Why each other filter is refused.
         most_accurate: The filter with the smallest RMS of all that can be flown, refused ones included.
     """

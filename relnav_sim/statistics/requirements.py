@@ -86,7 +86,7 @@ def judge(results: Results, name: str, requirement: AnyRequirement, case: int, f
         case RmsRequirement():
             finding, basis = _rms(results, requirement, case, filter), EVERY_EPOCH
         case NeesRequirement():
-            finding, basis = _nees(results, requirement, case, filter), EVERY_EPOCH
+            finding, basis = _nees(results, requirement, case, filter)
         case NisRequirement():
             finding, basis = _nis(results, requirement, case, filter)
         case ConvergedRequirement():
@@ -125,11 +125,31 @@ def _nis(results: Results, rule: NisRequirement, case: int, filter: str) -> tupl
     return on_a_mean(total[known] / dof[known].mean(), low, high, rule.confidence), basis
 
 
-def _nees(results: Results, rule: NeesRequirement, case: int, filter: str) -> Finding | None:
-    block, span = layout.BLOCKS.index(rule.block), layout.SPANS.index(rule.span)
-    values = _known(_completed(results, case, filter, "anees")[:, span, block])
+def _nees(results: Results, rule: NeesRequirement, case: int, filter: str) -> tuple[Finding | None, str]:
+    """Return what the part of the state says that decides: of several, one that misses, else the one least sure."""
+    blocks = layout.BLOCKS if rule.block == "each" else (rule.block,)
+    anees = _completed(results, case, filter, "anees")[:, layout.SPANS.index(rule.span)]
     low, high = (1 - rule.sigma_margin) ** 2, (1 + rule.sigma_margin) ** 2
-    return on_a_mean(values, low, high, rule.confidence) if len(values) else None
+    # Each part has its share of the chance of a wrong verdict (Bonferroni).
+    confidence = 1 - (1 - rule.confidence) / len(blocks)
+    found: list[tuple[Finding, str]] = []
+    for block in blocks:
+        values = _known(anees[:, layout.BLOCKS.index(block)])
+        if not len(values):
+            return None, EVERY_EPOCH
+        found.append((on_a_mean(values, low, high, confidence), f"{EVERY_EPOCH}; {_BLOCK_NAMES[block]}"))
+    finding, basis = max(found, key=lambda each: _decides(each[0]))
+    return finding, basis if len(blocks) > 1 else EVERY_EPOCH
+
+
+_BLOCK_NAMES = {"full": "whole state", "position": "position", "velocity": "velocity"}
+
+
+def _decides(finding: Finding) -> tuple[int, float]:
+    """Return what sorts findings of which all must pass, the one that decides last."""
+    order: tuple[Verdict, ...] = ("pass", "undecided", "fail")
+    certain = finding.certainty if finding.verdict == "fail" else -finding.certainty
+    return order.index(finding.verdict), certain
 
 
 def _converged(results: Results, rule: ConvergedRequirement, case: int, filter: str) -> tuple[Finding | None, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,8 @@ RELEVANT_MEAN = 0.1
 """The same of a channel's mean residual, in sigmas."""
 RELEVANT_CORRELATION = 0.05
 """The same of an autocorrelation."""
+BLOCKS = 20
+"""Blocks of time over which the scatter of the NIS is looked at: long ones, so that correlation hardly matters."""
 SMOOTHER_SHARE = 0.99
 """Filter and smoother agree where at least this share of the estimates is within three sigmas; of white ones 0.997."""
 
@@ -71,7 +73,8 @@ class NisCheck:
         updates: Number of updates.
         dof: Sum of the degrees of freedom.
         ratio: Sum of the NIS over `dof`; NaN without updates.
-        band: Where the ratio of a consistent filter is, in 95 % of all cases; None without updates.
+        band: Where the ratio of a consistent filter is, in 95 % of all cases, by the chi-square distribution or by the
+            scatter over time, whichever reaches farther; None without updates.
     """
 
     sensor: str
@@ -141,15 +144,34 @@ def channel_check(sensor: str, channel: Channel, residual: Array, sigma: Array) 
 def nis_check(sensor: str, nis: Array, dof: Integers, level: float = CONFIDENCE) -> NisCheck:
     """Return the check of one sensor's NIS (runs, T) with its degrees of freedom (runs, T).
 
-    The sum is chi-square with the sum of the degrees where the innovations are white and the filter states their
-    covariance (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section
-    5.4.2).
+    The sum is chi-square with the sum of the degrees where the innovations are white and Gaussian and the filter states
+    their covariance (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
+    section 5.4.2). Noise with outliers scatters more: so the band is also that of Student's t over `BLOCKS` blocks of
+    time, one after the other (ratio of means, Cochran 1977, eq. 6.4), which needs neither.
     """
     there = np.isfinite(nis) & (dof > 0)
     updates, total = int(there.sum()), int(dof[there].sum())
     if not updates:
         return NisCheck(sensor, 0, 0, np.nan, None)
-    return NisCheck(sensor, updates, total, float(nis[there].sum() / total), sum_band(total, total, level))
+    band = sum_band(total, total, level)
+    half = _half_width(nis[there], dof[there], level)
+    band = replace(band, low=min(band.low, 1 - half), high=max(band.high, 1 + half))
+    return NisCheck(sensor, updates, total, float(nis[there].sum() / total), band)
+
+
+def _half_width(nis: Array, dof: Integers, level: float) -> float:
+    """Return half the width of the interval of sum(nis) / sum(dof), by blocks of time; 0 for too few updates."""
+    from scipy.special import stdtrit
+
+    if len(nis) < 2 * BLOCKS:
+        return 0.0
+    blocks = [
+        (part.sum(), own.sum()) for part, own in zip(*(np.array_split(x, BLOCKS) for x in (nis, dof)), strict=True)
+    ]
+    sums, degrees = np.array(blocks, dtype=float).T
+    left = sums - degrees * (sums.sum() / degrees.sum())
+    error = float(left.std(ddof=1)) * np.sqrt(BLOCKS) / degrees.sum()
+    return float(error * stdtrit(BLOCKS - 1, (1 + level) / 2))
 
 
 def smoother_check(change: Array, names: Sequence[str]) -> SmootherCheck:

@@ -244,14 +244,14 @@ def test_convergence_that_no_run_is_long_enough_for(make_result: ResultMaker) ->
     assert sum(sentence.startswith("Convergence cannot be judged") for sentence in sentences) == 1
 
 
-def test_a_filter_that_is_told_of_a_mixture_has_no_chi_square_band(make_result: ResultMaker) -> None:
+def test_a_filter_with_mixture_noise_has_no_chi_square_band(make_result: ResultMaker) -> None:
     updates = {"updates": np.full((RUNS, 2), 50)}
     names = {"imm": 1.0, "ekf": 1.0}
     case = facts_of(make_result(runs=RUNS, filters=names, summaries=dict.fromkeys(names, updates)))
     told = replace(case, filters=(replace(case.filters[0], mixture_sensors=("radar",)), *case.filters[1:]))
     rows = [row for row in consistency_table(told).rows if row.label == "95 % band if consistent"]
     assert [cell.text == MISSING for cell in rows[1].cells] == [True] + [False] * (len(case.filters) - 1)
-    assert f"{case.filters[0].name}: noise assumed as a mixture" in consistency_table(told).caption
+    assert f"{case.filters[0].name}: the noise is a mixture" in consistency_table(told).caption
     assert "mixture" not in consistency_table(case).caption
 
 

@@ -11,9 +11,13 @@ import pytest
 
 from relnav_sim import report
 from relnav_sim.plots.facts import case_facts
-from relnav_sim.report.evidence import acceptable_first
+from relnav_sim.report.decision import decision_section
+from relnav_sim.report.evidence import acceptable_first, decided
 from relnav_sim.report.glossary import TERMS, Definitions
 from relnav_sim.report.ranking import rank
+from relnav_sim.report.requirements import judgements
+from relnav_sim.report.reservations import Background
+from relnav_sim.report.sentences import plain
 from relnav_sim.results import open_results
 
 ResultMaker = Callable[..., Path]
@@ -167,3 +171,51 @@ def test_keys_of_reports_change_no_hash(change: str) -> None:
     assert plain.content != other.content
     assert plain.hash == other.hash
     assert [case.id for case in plain.cases] == [case.id for case in other.cases]
+
+
+def _said(path: Path) -> str:
+    """Return the decision in words, without a report."""
+    with open_results(path) as results:
+        judged = judgements(results)
+        decision = decided(results, [rank(case_facts(results, 0, "rtn"))], judged)
+    assert decision is not None
+    section = decision_section(decision, Background({0: "base"}, "the steady state", judged))
+    return " ".join(plain(sentence) for sentence in (section.lead, *section.others))
+
+
+def _anees(whole: float, position: float, velocity: float) -> np.ndarray:
+    scatter = np.random.default_rng(1).normal(1.0, 0.02, (12, 2, 1))
+    return scatter * [whole, position, velocity]
+
+
+def test_an_overconfident_position_counts_though_the_whole_state_looks_right(make_result: ResultMaker) -> None:
+    hidden = {"ekf": {"anees": _anees(1.0, 1.21, 0.8)}}
+    said = _said(make_result(filters={"ekf": 0.5, "ukf": 1.0}, summaries=hidden))
+    assert said.startswith("Fly ekf")
+    assert "ekf is overconfident: position errors 1.10 times the formal sigma." in said
+    far = {"ekf": {"anees": _anees(1.0, 4.0, 0.3)}}
+    said = _said(make_result(filters={"ekf": 0.5, "ukf": 1.0}, summaries=far))
+    assert said.startswith("Fly ukf")
+    assert "ekf (overconfident: position errors 2.00 times the formal sigma (limit 1.5))" in said
+
+
+def test_the_default_requirement_on_consistency_is_on_each_part(make_result: ResultMaker) -> None:
+    hidden = {"ekf": {"anees": _anees(1.0, 1.44, 0.8)}}
+    for block, verdict, basis in (("each", "fail", "every epoch; position"), ("full", "pass", "every epoch")):
+        rule = {"kind": "nees"} | ({} if block == "each" else {"block": block})
+        path = make_result(filters={"ekf": 1.0}, summaries=hidden, requirements={"right": rule})
+        with open_results(path) as results:
+            (judged,) = judgements(results)
+        assert (judged.verdict, judged.basis) == (verdict, basis)
+
+
+def test_a_requirement_that_was_not_asked_of_a_filter_does_not_make_it_win(make_result: ResultMaker) -> None:
+    small = {"kind": "rms", "below_m": 0.1, "filters": ["ekf"]}
+    path = make_result(filters={"ekf": 0.5, "ukf": 1.0}, requirements={"b": small})
+    said = _said(path)
+    assert re.match(r"Fly ukf: position RMS .*; requirement b not asked of it\.", said)
+    assert "ekf (misses requirement b)" in said
+    path = make_result(filters={"ekf": 1.0, "ukf": 0.5}, requirements={"b": small | {"below_m": 100.0}})
+    said = _said(path)
+    assert said.startswith("Fly ekf: position RMS")
+    assert "Not compared: ukf (requirement b not asked of it)." in said

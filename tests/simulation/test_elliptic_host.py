@@ -14,7 +14,7 @@ from relnav_sim.crlb.information import SensorInformation
 from relnav_sim.measurements import first_fix, radar
 from relnav_sim.sensors import relative_sensors, sensor_measurement
 from relnav_sim.sensors.availability import sensed
-from relnav_sim.simulation.host_orbits import believed_orbit
+from relnav_sim.simulation.host_orbits import believed_orbit, believed_orbit_at
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import truth_trajectory
 
@@ -103,3 +103,16 @@ def test_an_elliptic_orbit_needs_the_step():
     with pytest.raises(ValueError, match="needs step_s"):
         radar(range_sigma_m=1, angle_sigma_deg=0.1, host="deputy", chief_orbit=orbit)
     radar(range_sigma_m=1, angle_sigma_deg=0.1, chief_orbit=orbit)  # to a sensor on the chief it does not matter
+
+
+def test_a_start_at_a_late_fix_is_where_the_deputy_was():
+    """A noiseless reading of the truth gives the true position, to the tilt by the relative velocity."""
+    config, truth = situation(0.7)
+    k = 300
+    z = read(config, truth)[None, [k]]
+    orbit = believed_orbit_at(config, "radar", k * STEP_S)
+    model = sensor_measurement("radar", config.sensors, orbit, STEP_S, assumed_noise="nominal")
+    position, _ = relative_sensors(config.sensors)["radar"].first_fix(model, z[:, 0])
+    true = truth.relative[0, k]
+    tilt = np.abs(true[5]) / np.linalg.norm(truth.chief[0, k, 3:]) + 4e-3 * 8e3 / 7e6
+    assert np.linalg.norm(position[0] - true[:3]) < 2 * tilt * np.linalg.norm(true[:3])

@@ -10,6 +10,7 @@ from relnav_sim.filters.registry import create_filter
 from relnav_sim.filters.run import advance
 from relnav_sim.filters.smoother import smooth
 from relnav_sim.measurements.channel import Channel
+from relnav_sim.statistics.intervals import sum_band
 from relnav_sim.statistics.residual_checks import filter_checks, nis_check, smoother_check
 from relnav_sim.streams import RandomSource
 
@@ -88,6 +89,27 @@ def test_a_wrong_process_noise_is_caught(factor, finding):
 def test_a_wrong_noise_of_the_readings_is_caught(factor, finding):
     checks, _ = checks_of(flown(1, 1500), believed_r=factor)
     assert checks.nis[0].finding == finding
+
+
+def mixture_nis(samples, updates, told=1.0, seed=3):
+    """NIS of three channels of which one in ten readings is five times as noisy, by `told` times their covariance."""
+    rng = np.random.default_rng(seed)
+    size = np.where(rng.random((samples, updates)) < 0.1, 25.0, 1.0)
+    return size * rng.chisquare(3, (samples, updates)) / (told * (0.9 + 0.1 * 25.0))
+
+
+def test_noise_with_outliers_is_no_overconfidence_where_the_filter_is_told_its_covariance():
+    """The variance of this NIS is 12 times that of chi-square, so that a band by chi-square misses half of the time."""
+    samples, updates = 400, 600
+    dof = np.full((1, updates), 3)
+    checks = [nis_check("radar", nis[None], dof) for nis in mixture_nis(samples, updates)]
+    outside = sum(not one.band.low <= one.ratio <= one.band.high for one in checks)
+    # Student's interval of 20 skewed block means: 7 % rather than 5 % at most (docs/statistics.md, chi-square of 3).
+    assert outside <= 0.07 * samples + 3 * np.sqrt(samples * 0.07 * 0.93)
+    gaussian = sum_band(3 * updates, 3 * updates)
+    assert sum(not gaussian.low <= one.ratio <= gaussian.high for one in checks) > 0.3 * samples
+    wrong = [nis_check("radar", nis[None], dof).finding for nis in mixture_nis(samples, updates, told=0.5)]
+    assert wrong.count("overconfident") > 0.95 * samples
 
 
 def test_an_offset_of_one_channel_is_told_as_such():

@@ -56,10 +56,9 @@ def sensors_table(filters: Sequence[FilterFigures]) -> Table:
     return Table(
         "sensors",
         "Innovations",
-        f"NIS summed over all measurements of a sensor, over its expectation; {_BAND} if residuals are white. "
-        "Last: share "
-        "of the estimates, in the component where it is smallest, that later measurements moved by less than 3 "
-        "sigma of "
+        f"NIS summed over all measurements of a sensor, over its expectation; {_BAND}, by the scatter over time where "
+        "that is wider than chi-square. Last: share of the estimates, in the component where it is smallest, that "
+        "later measurements moved by less than 3 sigma of "
         f"that move; {100 * SMOOTHER_SHARE:g} % or more is agreement.",
         "filter",
         (
