@@ -84,7 +84,7 @@ def verdict_in_words(claim: Claim) -> str:
         rest = f"; or in {more} more" if more > 0 else ""
         start = "reproduced only" if claim.stated else "not reproduced as stated, only"
         return f"{start} {'; or '.join(shown)}{rest}"
-    return f"{claim.verdict} (undecided with these runs)" if claim.undecided else claim.verdict
+    return "undecided" if claim.undecided else claim.verdict
 
 
 def verdict_lines(summary: Summary) -> list[tuple[str, str, str]]:

@@ -28,6 +28,7 @@ _LEFT, _RIGHT = 0.58, 0.16  # inches, as all heights below
 _PLANES_INCH, _CURVE_INCH, _STRIP_INCH = 1.05, 0.85, 0.17
 _LOG_FROM_RATIO = 8.0
 _READ_IN = 0.5
+_NARROW_KM_FROM_M = 1000.0
 
 
 def scenario(
@@ -121,7 +122,7 @@ def scenario_words(case: CaseFacts, ranges_m: Array) -> FigureWords:
 
 def _draw_planes(figure: Figure, truth: Array) -> None:
     width, height = (float(size) for size in figure.get_size_inches())
-    factors, units = zip(*(length_unit(truth[:, axis]) for axis in range(3)), strict=True)
+    factors, units = zip(*(length_unit(truth[:, axis], _NARROW_KM_FROM_M) for axis in range(3)), strict=True)
     each = (width - _LEFT - _RIGHT - 2 * 0.5) / 3
     for place, (across, up) in enumerate(PLANES):
         left = _LEFT + place * (each + 0.5)
