@@ -12,22 +12,38 @@ from relnav_sim.cli.failures import UserError
 from relnav_sim.cli.library import campaigns_of, library_summaries
 from relnav_sim.cli.output import print_table, say
 
-LISTS = ("filters", "sensors", "dynamics", "noise", "campaigns", "templates")
+LISTS = {
+    "filters": "kinds of filters, with what an epoch costs",
+    "sensors": "kinds of sensors",
+    "dynamics": "models of relative motion",
+    "noise": "kinds of sensor noise",
+    "figures": "what relnav figure draws",
+    "campaigns": "campaigns of this folder and of the library",
+    "templates": "campaigns of the library, for relnav new --from NAME",
+}
 
 
 def list_names(
     what: Annotated[
-        str, typer.Argument(metavar="WHAT", help="filters, sensors, dynamics, noise, campaigns or templates.")
-    ],
+        str | None,
+        typer.Argument(metavar="WHAT", help=f"{', '.join(LISTS)}.", show_default="(what can be listed)"),
+    ] = None,
 ) -> None:
-    """List filters, sensors, dynamics, noise, or campaigns: those of this folder and of the library (templates)."""
+    """List filters, sensors, dynamics, noise, figures, or campaigns: of this folder and the library (templates)."""
+    if what is None:
+        print_table([(f"relnav list {name}", words) for name, words in LISTS.items()])
+        return
     what = f"{what}s" if f"{what}s" in LISTS else what
     if what not in LISTS:
         from relnav_sim.campaign.problems import no_such
 
-        raise UserError(no_such("list", what, LISTS))
+        raise UserError(no_such("list", what, list(LISTS)))
     if what == "campaigns":
         _campaigns(campaigns_of(Path()))
+    elif what == "figures":
+        from relnav_sim.plots import FIGURE_KINDS
+
+        print_table([(name, kind.shows) for name, kind in FIGURE_KINDS.items()])
     elif what == "templates":
         print_table(library_summaries())
     else:

@@ -36,9 +36,11 @@ def new(
             stream.write(library_text(template, _name_of(file)))
     except FileExistsError:
         raise UserError(f"{file} exists already; nothing was written") from None
+    beside = ""
     if not schema.exists():
         schema.write_text(schema_text(), encoding="utf-8")
-    say(f"wrote {file}; next: {command('relnav', 'validate', file)}, then: {command('relnav', 'run', file)}")
+        beside = f" and {schema} (for completion in editors; relnav does not need it)"
+    say(f"wrote {file}{beside}; next: {command('relnav', 'validate', file)}, then: {command('relnav', 'run', file)}")
 
 
 def _name_of(file: Path) -> str:

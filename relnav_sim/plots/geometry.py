@@ -195,9 +195,12 @@ def _worst_part(truth: Array, estimates: dict[str, Array], view: Window) -> tupl
     return part, float(off[part].max())
 
 
-def length_unit(lengths: Array) -> tuple[float, str]:
-    """Return the factor and the unit of an axis of lengths in m: km where they have five digits."""
-    return (1e-3, "km") if np.abs(lengths).max() > _KM_FROM_M else (1.0, "m")
+def length_unit(lengths: Array, km_from_m: float = _KM_FROM_M) -> tuple[float, str]:
+    """Return the factor and the unit of an axis of lengths in m: km where they have five digits, or from ``km_from_m``.
+
+    On a narrow axis labels of four digits and a sign run into each other.
+    """
+    return (1e-3, "km") if np.abs(lengths).max() > km_from_m else (1.0, "m")
 
 
 def draw_ends(panel: Panel, truth: Array, across: int, up: int) -> None:

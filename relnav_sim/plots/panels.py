@@ -30,6 +30,7 @@ def time_unit(times_s: Array) -> tuple[str, float]:
 def time_axis(panel: Panel, times: Array, unit: str) -> None:
     """Name the time axis and let it fit the data."""
     panel.set_xlabel(f"time [{unit}]")
+    panel.ticklabel_format(axis="x", style="plain")  # a reader should not have to multiply times by 10^4
     panel.set_xlim(times[0], times[-1] if times[-1] > times[0] else times[0] + 1)
 
 

@@ -30,6 +30,7 @@ _LOG_FROM_RATIO = 8.0
 _LEAST_SPAN = 0.01  # of an axis of a plane, of the largest range
 _SLOW_DEG_S = 1e-4
 _READ_IN = 0.5
+_NARROW_KM_FROM_M = 1000.0
 
 
 def scenario(
@@ -125,7 +126,7 @@ def scenario_words(case: CaseFacts, ranges_m: Array) -> FigureWords:
 
 def _draw_planes(figure: Figure, truth: Array) -> None:
     width, height = (float(size) for size in figure.get_size_inches())
-    factors, units = zip(*(length_unit(truth[:, axis]) for axis in range(3)), strict=True)
+    factors, units = zip(*(length_unit(truth[:, axis], _NARROW_KM_FROM_M) for axis in range(3)), strict=True)
     each = (width - _LEFT - _RIGHT - 2 * 0.5) / 3
     least_m = _LEAST_SPAN * float(np.linalg.norm(truth, axis=-1).max())
     for place, (across, up) in enumerate(PLANES):

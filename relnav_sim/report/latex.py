@@ -113,7 +113,7 @@ def _cell(cell: Cell) -> str:
         parts = [escaped(cell.shown)]
         if cell.has_interval:
             parts.append(rf"{{\scriptsize {escaped(cell.shown_interval)}}}")
-        text = "~".join([*parts, *([escaped(cell.note)] if cell.note else [])])
+        text = "~".join([*parts, *(escaped(more) for more in (cell.unit, cell.note) if more)])
     else:
         text = escaped(cell.text)
     if cell.mark == "best":

@@ -242,7 +242,7 @@ def _cells(item: Judgement) -> tuple[Cell, ...]:
     if isinstance(item.requirement, RmsRequirement | NeesRequirement | NisRequirement):
         shown = numbers([found.figure])[0]
     else:
-        shown = replace(numbers([in_percent(found.figure, 1.0)])[0], note="%")
+        shown = replace(numbers([in_percent(found.figure, 1.0)])[0], unit="%")
     return shown, verdict, Words(_certainty(found.certainty)), Words(_runs(item)), Words(item.basis)
 
 

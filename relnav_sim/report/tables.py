@@ -27,6 +27,7 @@ class Number:
     span: int = 1
     note: str = ""
     mark: str = ""
+    unit: str = ""
 
     @property
     def has_interval(self) -> bool:
@@ -47,8 +48,8 @@ class Number:
 
     @property
     def text(self) -> str:
-        """Value, interval and note on one line."""
-        return " ".join(part for part in (self.shown, self.shown_interval, self.note) if part)
+        """Value, interval, unit and note on one line."""
+        return " ".join(part for part in (self.shown, self.shown_interval, self.unit, self.note) if part)
 
     @property
     def order(self) -> float:

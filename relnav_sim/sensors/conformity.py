@@ -67,7 +67,7 @@ def complaints(name: str, sensors: Sensors, step_s: float) -> Iterator[str]:
         found += _readings(name, options, hosts_of(sensors, options)[0], step_s)
     yield from found
     if contained.error is not None:
-        yield f"the {options.kind} sensor raises {type(contained.error).__name__}: {message_of(contained.error)}"
+        yield f"the {options.kind} sensor raises {message_of(contained.error)}"
 
 
 def _readings(name: str, options: SensorOptions, host: Craft, step_s: float) -> Iterator[str]:

@@ -36,7 +36,7 @@ def _slack(filter: str) -> Interpretation:
     return replace(
         _prior(WIDE_M, {**_STARTS, "arbitrary": filter}),
         name=f"slack {SLACKS[filter]}",
-        words=f"against a start with a slack of {SLACKS[filter]}",
+        words=f"against an arbitrary start of covariance F P Fᵀ + {SLACKS[filter]}",
     )
 
 

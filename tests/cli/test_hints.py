@@ -7,6 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from relnav_sim.cli.app import app
+from relnav_sim.cli.listing import LISTS
+from relnav_sim.plots import FIGURE_KINDS
 
 ROOT = Path(__file__).parents[2]
 SHORT = [
@@ -59,6 +61,16 @@ def test_show_finds_what_has_the_name(words):
 def test_choices_may_be_in_capitals(here):
     assert invoke("list", "filter").stdout == invoke("list", "filters").stdout
     assert "no such file" in invoke("figure", "a.h5", "rms", "--axes", "RTN").stderr.lower()
+
+
+def test_list_alone_lists_what_can_be_listed_and_each_can_be(here):
+    lines = invoke("list").stdout.splitlines()
+    assert [line.split()[:2] for line in lines] == [["relnav", "list"]] * len(lines)
+    names = [line.split()[2] for line in lines]
+    assert names == list(LISTS)
+    for name in names:
+        assert invoke("list", name).exit_code == 0
+    assert {line.split()[0] for line in invoke("list", "figures").stdout.splitlines()} == set(FIGURE_KINDS)
 
 
 @pytest.mark.parametrize("words", [["report"], ["inspect"], ["export"], ["figure"], ["merge", "all.h5"]])

@@ -141,3 +141,7 @@ def test_the_error_budget_names_its_case_where_there_are_several() -> None:
     wanted = "What would help most: range, 20 % less position error if halved (error budget of a"
     assert f"{wanted}, case 1: name1)." in _said(cases, budget=budget, budget_case=1)
     assert f"{wanted})." in _said(cases[:1], budget=budget)
+    # Of a filter that diverges the budget would name the wrong source.
+    diverging = _said([_case(0, "ab", a=1.0, b=2.0)], budget=budget)
+    assert not any(line.startswith(wanted) for line in diverging)
+    assert any(line.startswith("What would help most is not told: the errors of a are not") for line in diverging)
