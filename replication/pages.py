@@ -28,10 +28,10 @@ THRESHOLDS = (
 )
 INTERVALS = (
     "Intervals decide, at 95 % over runs: an effect holds when its whole interval is in the rule's range, fails when "
-    "none of it is, and is undecided in between; a claim is undecided where only more runs could tell. It is reproduced "
-    "when all its effects hold in all main interpretations, and “reproduced only …” when they hold in some; “not "
-    "reproduced as stated, only …” when they "
-    "hold in other interpretations of what the paper leaves open, which share 5 % of error. For Shi et al. the main "
+    "none of it is, and is undecided in between; a claim is undecided where only more runs could tell. It is "
+    "reproduced when all its effects hold in all main interpretations, and “reproduced only …” when they hold in some; "
+    "“not reproduced as stated, only …” when they hold in other "
+    "interpretations of what the paper leaves open, which share 5 % of error. For Shi et al. the main "
     "interpretations are one process noise for all filters, and the process noise of each filter tuned by `relnav "
     "tune` on other random numbers: twelve values between 1e-11 and 1e-3 m²/s³, ten runs of a whole revolution, three "
     "seeds, whose variance is part of the interval."
