@@ -10,7 +10,7 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, Vector, rotate, rows
-from relnav_sim.astro.nominal_motion import ChiefMotion, chief_motion
+from relnav_sim.astro.nominal_motion import chief_motion
 from relnav_sim.measurements.seen_from_deputy import (
     chief_from_deputy,
     chief_from_deputy_with_jacobian,
@@ -59,24 +59,23 @@ class Sight:
         In the host's RTN axes, in C order for a kernel; columns behind the third are of no meaning.
         """
         points = np.ascontiguousarray(states.reshape(-1, states.shape[-1]), dtype=np.float64)
-        chief = self._chief(epoch)
-        return points if chief is None else chief_from_deputy(points, chief)
+        if self._orbit is None:
+            return points
+        return chief_from_deputy(points, chief_motion(self._orbit, self._step_s, epoch))
 
     def positions_with_jacobian(self, states: Array, epoch: int) -> tuple[Array, Array | None]:
         """Return `positions` and their derivatives by the first six states, (points, 3, 6); None: they are states."""
         points = np.ascontiguousarray(states.reshape(-1, states.shape[-1]), dtype=np.float64)
-        chief = self._chief(epoch)
-        return (points, None) if chief is None else chief_from_deputy_with_jacobian(points, chief)
+        if self._orbit is None:
+            return points, None
+        return chief_from_deputy_with_jacobian(points, chief_motion(self._orbit, self._step_s, epoch))
 
     def position(self, sight: Vector, epoch: int) -> Array:
         """Return the relative position, RTN (..., 3) m, that has this line of sight; at rest where that matters."""
         seen = rotate(self._rtn_from_sensor, sight)
-        chief = self._chief(epoch)
-        return np.stack(seen, axis=-1) if chief is None else deputy_from_chief(seen, chief)
-
-    def _chief(self, epoch: int) -> ChiefMotion | None:
-        """Return how the chief moves, where that matters: not to a sensor on it."""
-        return None if self._orbit is None else chief_motion(self._orbit, self._step_s, epoch)
+        if self._orbit is None:
+            return np.stack(seen, axis=-1)
+        return deputy_from_chief(seen, chief_motion(self._orbit, self._step_s, epoch))
 
 
 def in_states(by_position: Array, by_state: Array | None, states: Array) -> Array:

@@ -190,7 +190,7 @@ def test_what_a_derived_class_has_of_its_own_is_heard():
 
 
 def test_a_radar_on_the_deputy_goes_from_epoch_to_epoch():
-    measurement = radar(host=("deputy", ChiefOrbit(7.0e6, 0.001, 0.9, 0.0, 0.0, 0.0)))
+    measurement = radar(host=("deputy", ChiefOrbit(7.0e6, 0.001, 0.9, 0.0, 0.0, 0.0), 2.0))
     z, mean0 = readings(measurement)
     assert compare(z, mean0, measurement=measurement)[0] == [None]
 
