@@ -77,8 +77,20 @@ def _motions(orbit: ChiefOrbit, step_s: float, chunk: int) -> list[ChiefMotion]:
 @lru_cache(maxsize=64)
 def _chunk_states(orbit: ChiefOrbit, step_s: float, chunk: int) -> Array:
     """Return the states (_CHUNK + 1, 6) at the epochs of a chunk and at the first of the next."""
-    start = initial_state(orbit) if chunk == 0 else _chunk_states(orbit, step_s, chunk - 1)[-1]
-    return _states(orbit, start, step_s * np.arange(_CHUNK + 1, dtype=np.float64))
+    starts = _chunk_starts(orbit, step_s)
+    times_s = step_s * np.arange(_CHUNK + 1, dtype=np.float64)
+    for earlier in range(len(starts) - 1, chunk):
+        starts.append(_states(orbit, starts[earlier], times_s)[-1])
+    states = _states(orbit, starts[chunk], times_s)
+    if len(starts) == chunk + 1:
+        starts.append(states[-1])
+    return states
+
+
+@lru_cache(maxsize=8)
+def _chunk_starts(orbit: ChiefOrbit, step_s: float) -> list[Array]:
+    """Return the states (6,) at the first epochs of the chunks known so far, in order; it grows by use."""
+    return [initial_state(orbit)]
 
 
 def _states(orbit: ChiefOrbit, start: Array, times_s: Array) -> Array:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.run_figures import Span, span_index
-from relnav_sim.statistics.consistency_verdict import Consistency, ConsistencyVerdict, consistency_of
+from relnav_sim.statistics.consistency_verdict import SIGMA_KNOWN, Consistency, ConsistencyVerdict, consistency_of
 from relnav_sim.wording import significant
 
 _ORDER: tuple[ConsistencyVerdict, ...] = ("overconfident", "conservative", "may be consistent", "consistent")
@@ -44,8 +45,13 @@ def _in_words(verdict: ConsistencyVerdict, where: str, alike: Sequence[Consisten
         return f"{verb} consistent{where} (ANEES near 1)"
     if verdict == "may be consistent":
         ends = [end for one in alike for end in (one.low, one.high)]
+        if not all(map(math.isfinite, ends)):
+            return f"may be consistent{where} (one run does not tell)"
         size = f"{significant(min(ends), 2)} to {significant(max(ends), 2)} times"
-        return f"may be consistent{where} ({its} {of}errors are {size} as large as {its} formal sigma)"
+        seems = "may be consistent"
+        if all(one.factor > 1 + SIGMA_KNOWN for one in alike):
+            seems = f"{'seem' if several else 'seems'} overconfident, not surely"
+        return f"{seems}{where} ({its} {of}errors are {size} as large as {its} formal sigma)"
     if verdict == "conservative":
         size = size_range([1 / one.factor for one in alike])
         return f"{verb} conservative{where}: formal {of}sigma {size} times the actual error"

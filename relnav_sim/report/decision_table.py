@@ -152,4 +152,4 @@ def _follows(item: Candidate, choice: Choice, against: str | None, effect: Effec
     if item.name in choice.set_aside:
         return Words(untold.removeprefix("; ") or "a requirement is undecided")
     words = "no run in common" if effect is None else _EFFECTS[effect]
-    return Words(words, mark="best" if effect == "equivalent" else "")
+    return Words(f"{words}{untold}", mark="best" if effect == "equivalent" and not untold else "")

@@ -118,7 +118,8 @@ def requirements_table(results: Results, judged: Sequence[Judgement]) -> Table:
         name="requirements",
         title="Requirements",
         caption="Judged in the truth that filters are told of, without stress. The value that the requirement limits, "
-        "with its interval at the requirement's confidence (95 % unless the campaign says otherwise). Pass: the whole "
+        "with its interval at the requirement's confidence (95 % unless the campaign says otherwise; of nees, each of "
+        "its three parts errs a third as often). Pass: the whole "
         "interval meets the limit; fail: the whole interval misses it. Certainty: the largest one-sided confidence at "
         "which the side of the value could be stated. Runs are independent, epochs of a run are not: shares of runs "
         "(ensemble and temporal interpretation) have exact intervals, shares of epochs (mixed) count as many "

@@ -68,9 +68,7 @@ def what_would_help(decision: Decision, known: Background) -> Iterator[Sentence]
     choice = next((choice for case, choice in decision.cases if case.index == known.budget_case), decision.overall)
     name = next((name for name in choice.refusals if budget.title == budget_title(name)), "")
     if any(refusal.reason in _OTHER_CAUSE for refusal in choice.refusals.get(name, ())):
-        said = (
-            f"What would help most is not told: the errors of {name} are not those that its sensors and model explain."
-        )
+        said = f"What would help most is not told: {name} is refused for another reason than the size of its errors."
         yield (Clause(said),)
         return
     gains = [(gain, row.label) for row in budget.rows if (gain := _gain(row.cells[-2].text)) > 0]

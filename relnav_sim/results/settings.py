@@ -10,9 +10,15 @@ if TYPE_CHECKING:
 
 
 def case_setting(results: Results, index: int, path: str, default: Any) -> Any:
-    """Return a setting of a case: the varied value if the campaign varies it, else the campaign's own."""
+    """Return a setting of a case as it was flown: as its stress has it, or varied, or else the campaign's own.
+
+    What a stress multiplies or shifts is as without it.
+    """
     keys = path.split(".")
-    varied = results.headers[index].variables
+    header = results.headers[index]
+    stress = results.campaign_content.get("stress", {}).get(header.stress, {}) if header.stress else {}
+    replaced = {path: value for path, value in stress.items() if not _is_relative(value)}
+    varied = {**header.variables, **replaced}
     for length in range(len(keys), 0, -1):
         start = ".".join(keys[:length])
         if start in varied:
@@ -26,6 +32,10 @@ def filter_settings(results: Results, index: int, name: str) -> Mapping[str, Any
     entry = results.headers[index].variables.get(f"filters.{name}")
     entry = entry or case_setting(results, index, "filters", {}).get(name)
     return entry if isinstance(entry, Mapping) else {}
+
+
+def _is_relative(value: Any) -> bool:
+    return isinstance(value, Mapping) and set(value) == {"times"}
 
 
 def _inside(value: Any, keys: list[str], default: Any) -> Any:

@@ -23,6 +23,7 @@ SIGMA_KNOWN = 0.25
 """An interval of 1 that reaches farther than 25 % from right sigmas is too few runs, not consistency."""
 
 _CHANCE_OF_ERROR = 0.05
+_HIGHEST = (1 + SIGMA_KNOWN) ** 2
 
 ConsistencyVerdict = Literal["overconfident", "conservative", "may be consistent", "consistent"]
 
@@ -35,7 +36,7 @@ class Consistency:
         verdict: The verdict. It may be consistent where the runs are too few to tell.
         block: The part of the state that it rests on, of `layout.BLOCKS`: the one farthest off, or known least.
         factor: Actual error of that part in units of its formal sigma, root of the ANEES.
-        low: Lower end of its 95 % interval; NaN where there is none.
+        low: Lower end of its interval at the level 1 - 0.05 / 3; NaN where there is none, of one run.
         high: Upper end.
     """
 
@@ -51,8 +52,9 @@ def consistency_of(anees: Array) -> Consistency | None:
 
     A part of the state is off where the interval of its ANEES at the level 1 - 0.05 / 3 does not contain 1 and the root
     of the ANEES is more than `SIGMA_MARGIN` from 1. The filter is overconfident if a part is off above, else
-    conservative if one is off below. Else it is consistent where the 95 % interval of each part lies within
-    `SIGMA_KNOWN`, and may be where one reaches farther.
+    conservative if one is off below and none may be overconfident by more than `SIGMA_KNOWN`. Else it is consistent
+    where the 95 % interval of each part lies within `SIGMA_KNOWN` and contains 1 or is of a root near it, and may be
+    where one does not. One run tells nothing.
 
     Args:
         anees: Of each run, (runs, 3), in the order of `layout.BLOCKS`; NaN: the run has none.
@@ -76,14 +78,14 @@ def consistency_of(anees: Array) -> Consistency | None:
     above = [place for place, factor in enumerate(factors) if off[place] and factor > 1]
     below = [place for place, factor in enumerate(factors) if off[place] and factor < 1]
     if above:
-        return _resting_on("overconfident", _farthest(above, factors), parts)
-    if below:
-        return _resting_on("conservative", _farthest(below, [1 / factor for factor in factors]), parts)
+        return _resting_on("overconfident", _farthest(above, factors), wider)
+    if below and all(part.high <= _HIGHEST for part in parts):
+        return _resting_on("conservative", _farthest(below, [1 / factor for factor in factors]), wider)
     unknown = [place for place, part in enumerate(parts) if not _is_known(part)]
     if unknown:
-        widest = max(unknown, key=lambda place: parts[place].high - parts[place].low)
-        return _resting_on("may be consistent", widest, parts)
-    return _resting_on("consistent", 0, parts)
+        widest = max(unknown, key=lambda place: wider[place].high - wider[place].low)
+        return _resting_on("may be consistent", widest, wider)
+    return _resting_on("consistent", 0, wider)
 
 
 def _resting_on(verdict: ConsistencyVerdict, place: int, parts: list[Interval]) -> Consistency:
@@ -104,8 +106,10 @@ def _is_near(part: Interval) -> bool:
 
 
 def _is_off(part: Interval) -> bool:
-    return not (part.low <= 1 <= part.high or _is_near(part))
+    """Return whether 1 lies outside; an interval without ends, of one run, does not tell."""
+    return (part.low > 1 or part.high < 1) and not _is_near(part)
 
 
 def _is_known(part: Interval) -> bool:
-    return part.low >= (1 - SIGMA_KNOWN) ** 2 and part.high <= (1 + SIGMA_KNOWN) ** 2
+    within = part.low >= (1 - SIGMA_KNOWN) ** 2 and part.high <= _HIGHEST
+    return within and not _is_off(part)

@@ -13,7 +13,7 @@ from test_bad_runs import PLUGIN
 
 from relnav_sim.kernels.code_folder import code_folder, kernel_names
 
-LEFT_OUT = "kalman.predict_linear"
+LEFT_OUT = "statistics.normalised_errors"
 COMPILING = "compiling the numerical kernels that are needed here and not kept yet ..."
 
 

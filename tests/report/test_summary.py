@@ -10,7 +10,7 @@ from relnav_sim.report.consistency import consistency_in_words
 from relnav_sim.report.ranking import Ranking, rank
 from relnav_sim.report.summary import summarise, verdict
 from relnav_sim.results import open_results
-from relnav_sim.statistics.consistency_verdict import consistency_of
+from relnav_sim.statistics.consistency_verdict import Consistency, consistency_of
 from relnav_sim.wording import counted, listed, significant
 
 ResultMaker = Callable[..., Path]
@@ -141,3 +141,12 @@ def test_cases_are_judged_as_each_would_be_alone(make_result: ResultMaker) -> No
         "is overconfident in 1 of 2 cases: actual error 1.1 times the formal sigma, "
         "is consistent in 1 of 2 cases (ANEES near 1)"
     )
+
+
+def test_few_runs_far_off_are_not_said_to_be_consistent():
+    far = Consistency("may be consistent", "full", 679.0, 0.0, 1638.0)
+    assert consistency_in_words([far]) == (
+        "seems overconfident, not surely (its errors are 0 to 1638 times as large as its formal sigma)"
+    )
+    one_run = Consistency("may be consistent", "full", 1.02, float("nan"), float("nan"))
+    assert consistency_in_words([one_run], several=True) == "may be consistent (one run does not tell)"

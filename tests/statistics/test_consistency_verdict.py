@@ -72,3 +72,20 @@ def test_few_runs_and_none():
     few = np.array([0.1, 0.9, 2.2])[:, None] * np.ones(3)
     assert consistency_of(few).verdict == "may be consistent"
     assert consistency_of(np.full((4, 3), np.nan)) is None
+
+
+def test_one_run_tells_nothing():
+    assert consistency_of(np.full((1, 3), 1.02)).verdict == "may be consistent"
+    assert consistency_of(np.full((1, 3), 9.0)).verdict == "may be consistent"
+
+
+def test_a_conservative_part_hides_no_other_that_may_be_overconfident():
+    """Four runs: a position of sigma 2 to 0.7 times too small, a velocity surely too large."""
+    runs = np.array([[1.0, 4.0, 0.2], [0.9, 2.0, 0.21], [1.1, 6.0, 0.19], [1.0, 0.5, 0.2]])
+    assert consistency_of(runs).verdict == "may be consistent"
+
+
+def test_consistent_is_said_of_no_part_whose_interval_leaves_out_one():
+    """Twelve runs whose sigma is 12 % too small: significant at 95 %, not for three looks."""
+    runs = np.outer(1.25 + 0.335 * np.linspace(-1.6, 1.6, 12) / 0.99, np.ones(3))
+    assert consistency_of(runs).verdict == "may be consistent"
