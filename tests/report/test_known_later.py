@@ -89,6 +89,6 @@ def test_a_comparison_with_one_in_flight_says_so_first(make_result, form):
 )
 def test_it_is_read_off_the_campaign(entry, variables, said):
     results = SimpleNamespace(
-        campaign_content={"filters": {"f": entry}}, headers=[SimpleNamespace(variables=variables)]
+        campaign_content={"filters": {"f": entry}}, headers=[SimpleNamespace(stress="", variables=variables)]
     )
     assert known_when(results, 0, "f") == said
