@@ -67,16 +67,6 @@ def moved_on(orbit: ChiefOrbit, time_s: float) -> ChiefOrbit:
 
 @lru_cache(maxsize=64)
 def _motions(orbit: ChiefOrbit, step_s: float, chunk: int) -> list[ChiefMotion]:
-    states = _chunk_states(orbit, step_s, chunk)[:-1]
-    r, v = states[:, :3], states[:, 3:]
-    R = np.linalg.norm(r, axis=1)
-    climb, n = (r * v).sum(axis=1) / R, np.linalg.norm(np.cross(r, v), axis=1) / np.square(R)
-    return [ChiefMotion(*each) for each in np.stack([R, climb, n], axis=1).tolist()]
-
-
-@lru_cache(maxsize=64)
-def _chunk_states(orbit: ChiefOrbit, step_s: float, chunk: int) -> Array:
-    """Return the states (_CHUNK + 1, 6) at the epochs of a chunk and at the first of the next."""
     starts = _chunk_starts(orbit, step_s)
     times_s = step_s * np.arange(_CHUNK + 1, dtype=np.float64)
     for earlier in range(len(starts) - 1, chunk):
@@ -84,7 +74,10 @@ def _chunk_states(orbit: ChiefOrbit, step_s: float, chunk: int) -> Array:
     states = _states(orbit, starts[chunk], times_s)
     if len(starts) == chunk + 1:
         starts.append(states[-1])
-    return states
+    r, v = states[:-1, :3], states[:-1, 3:]
+    R = np.linalg.norm(r, axis=1)
+    climb, n = (r * v).sum(axis=1) / R, np.linalg.norm(np.cross(r, v), axis=1) / np.square(R)
+    return [ChiefMotion(*each) for each in np.stack([R, climb, n], axis=1).tolist()]
 
 
 @lru_cache(maxsize=8)

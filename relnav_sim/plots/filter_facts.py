@@ -209,7 +209,7 @@ def filter_facts(results: Results, index: int, name: str, axes: Axes, settled: M
         augmented=results.augmented(index, name),
         by_sensor=by_sensor,
         stored_between=stored_epochs_between(results, index, sensors or (), times_s),
-        mixture_sensors=_mixture_sensors(results, index, None if by_sensor is None else by_sensor.names),
+        mixture_sensors=_mixture_sensors(results, index, sensors),
         observability=results.observability(index, name),
         named_sensors=results.named_sensors(index, name),
         known_when=known_when(results, index, name),
