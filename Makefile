@@ -40,7 +40,7 @@ inverse: setup  ## Find which settings give the papers' printed numbers, and wri
 	$(BIN)/python -m replication.inverse bank alpha_kf --size 22000
 	$(BIN)/python -m replication.inverse bank two_step_kf --size 20000
 	$(BIN)/python -m replication.inverse bank mf_upf --size 20000
-	$(BIN)/python -m replication.inverse bank mf_upf_learned --size 4500
+	$(BIN)/python -m replication.inverse bank mf_upf_learned --size 20000
 	for paper in alpha_kf two_step_kf mf_upf mf_upf_learned; do \
 		$(BIN)/python -m replication.inverse infer $$paper && $(BIN)/python -m replication.inverse check $$paper || exit 1; done
 	$(BIN)/python -m replication.inverse page
