@@ -22,6 +22,7 @@ from relnav_sim.results.block import AugmentedStates, BySensor, Editing
 from relnav_sim.results.by_channel import ByChannel
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.settings import case_setting, filter_settings
+from relnav_sim.sensors import sensor_kinds
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
 from relnav_sim.statistics.correlation import integrated_time
 from relnav_sim.statistics.divergence import diverged_runs
@@ -233,9 +234,21 @@ def _false_rejections(results: Results, index: int, name: str) -> float:
 
 
 def _mixture_sensors(results: Results, index: int, used: Sequence[str] | None) -> tuple[str, ...]:
-    """Return the sensors whose noise is a mixture, whatever the filter is told; of all where none are named."""
-    sensors = results.campaign_content.get("sensors", {}) if used is None else used
-    return tuple(sensor for sensor in sensors if _is_mixture(results, index, sensor))
+    """Return the sensors with innovations of mixture noise, whatever the filter is told; of all where none are named.
+
+    The noise of what a craft knows of itself, such as its attitude, is in the innovations of every relative sensor.
+    """
+    sensors = results.campaign_content.get("sensors", {})
+    mixtures = tuple(sensor for sensor in sensors if _is_mixture(results, index, sensor))
+    if used is None:
+        return mixtures
+    of_hosts = any(_is_of_host(sensor, sensors[sensor]) for sensor in mixtures)
+    return tuple(sensor for sensor in used if of_hosts or sensor in mixtures)
+
+
+def _is_of_host(sensor: str, options: Mapping[str, Any]) -> bool:
+    kind = sensor_kinds().get(options.get("kind", sensor))
+    return kind is not None and kind.role != "other"
 
 
 def _is_mixture(results: Results, index: int, sensor: str) -> bool:

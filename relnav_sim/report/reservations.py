@@ -95,7 +95,7 @@ def requirements_under_stress(name: str, known: Background) -> Iterator[Sentence
         left = len(said) - _STRESSES_NAMED
         more = f" and {left} more" if left > 0 else ""
         parts += [f"{words} {'; '.join(said[:_STRESSES_NAMED])}{more}"] if said else []
-    under = ", and ".join(parts) or "meets them all"
+    under = ", and ".join(parts) or "meets all that are asked of it"
     yield (Clause(f"Requirements are judged without stress. Under stress {name} {under}."),)
 
 
