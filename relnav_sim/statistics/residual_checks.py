@@ -21,6 +21,9 @@ RELEVANT_CORRELATION = 0.05
 """The same of an autocorrelation."""
 BLOCKS = 20
 """Blocks of time over which the scatter of the NIS is looked at: long ones, so that correlation hardly matters."""
+ASIDE, FEW = 2, 20
+"""How many of these with the largest sums do not raise the band's upper end; with fewer measurements in a block than
+the second number, where a single outlier looks like a fault, they do."""
 SMOOTHER_SHARE = 0.99
 """Filter and smoother agree where at least this share of the estimates is within three sigmas; of white ones 0.997."""
 
@@ -147,31 +150,42 @@ def nis_check(sensor: str, nis: Array, dof: Integers, level: float = CONFIDENCE)
     The sum is chi-square with the sum of the degrees where the innovations are white and Gaussian and the filter states
     their covariance (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
     section 5.4.2). Noise with outliers scatters more: so the band is also that of Student's t over `BLOCKS` blocks of
-    time, one after the other (ratio of means, Cochran 1977, eq. 6.4), which needs neither.
+    time, one after the other (ratio of means, Cochran 1977, eq. 6.4), which needs neither. A fault of a short time must
+    not hide itself by its scatter: what it does to `ASIDE` blocks does not raise the upper end.
     """
     there = np.isfinite(nis) & (dof > 0)
     updates, total = int(there.sum()), int(dof[there].sum())
     if not updates:
         return NisCheck(sensor, 0, 0, np.nan, None)
     band = sum_band(total, total, level)
-    half = _half_width(nis[there], dof[there], level)
-    band = replace(band, low=min(band.low, 1 - half), high=max(band.high, 1 + half))
+    below, above = _half_widths(nis[there], dof[there], level)
+    band = replace(band, low=min(band.low, 1 - below), high=max(band.high, 1 + above))
     return NisCheck(sensor, updates, total, float(nis[there].sum() / total), band)
 
 
-def _half_width(nis: Array, dof: Integers, level: float) -> float:
-    """Return half the width of the interval of sum(nis) / sum(dof), by blocks of time; 0 for too few updates."""
-    from scipy.special import stdtrit
-
+def _half_widths(nis: Array, dof: Integers, level: float) -> tuple[float, float]:
+    """Return how far the interval of sum(nis) / sum(dof) reaches down and up, by blocks; 0 for too few updates."""
     if len(nis) < 2 * BLOCKS:
-        return 0.0
+        return 0.0, 0.0
     blocks = [
         (part.sum(), own.sum()) for part, own in zip(*(np.array_split(x, BLOCKS) for x in (nis, dof)), strict=True)
     ]
     sums, degrees = np.array(blocks, dtype=float).T
-    left = sums - degrees * (sums.sum() / degrees.sum())
-    error = float(left.std(ddof=1)) * np.sqrt(BLOCKS) / degrees.sum()
-    return float(error * stdtrit(BLOCKS - 1, (1 + level) / 2))
+    left = np.sort(sums - degrees * (sums.sum() / degrees.sum())) / degrees.sum()
+    below = _half_width(left, 0, level)
+    return below, below if len(nis) < FEW * BLOCKS else _half_width(left, ASIDE, level)
+
+
+def _half_width(terms: Array, aside: int, level: float) -> float:
+    """Return half of Student's interval of the sum of terms in ascending order.
+
+    By the Winsorised variance where some at both ends are set aside (Tukey and McLaughlin, Sankhya A 25(3), 1963).
+    """
+    from scipy.special import stdtrit
+
+    count, kept = len(terms), len(terms) - 2 * aside
+    spread = terms.clip(terms[aside], terms[-1 - aside]).std(ddof=1)
+    return float(spread * np.sqrt(count) * (count / kept) * stdtrit(kept - 1, (1 + level) / 2))
 
 
 def smoother_check(change: Array, names: Sequence[str]) -> SmootherCheck:

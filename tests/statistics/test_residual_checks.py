@@ -112,6 +112,15 @@ def test_noise_with_outliers_is_no_overconfidence_where_the_filter_is_told_its_c
     assert wrong.count("overconfident") > 0.95 * samples
 
 
+@pytest.mark.parametrize(("updates", "found"), [(100, False), (600, True), (3000, True)])
+def test_a_fault_in_the_last_twentieth_of_the_time_does_not_hide_itself(updates, found):
+    """Residuals three times as large there; with five measurements a block they could be single outliers."""
+    nis = np.random.default_rng(4).chisquare(3, (200, updates))
+    nis[:, -updates // 20 :] *= 9
+    findings = [nis_check("radar", one[None], np.full((1, updates), 3)).finding for one in nis]
+    assert (findings.count("overconfident") > 190) == found
+
+
 def test_an_offset_of_one_channel_is_told_as_such():
     checks, _ = checks_of(flown(1, 1500, offset=2.0))
     assert "b" in {one.channel.name for one in checks.biased}
