@@ -105,15 +105,18 @@ def check(
 
 
 def page(
-    docs: Annotated[Path, typer.Option(metavar="FOLDER", help="The folder of the page.")] = Path("docs"),
+    docs: Annotated[Path, typer.Option(metavar="FOLDER", help="The folder of the page and its files.")] = Path("docs"),
     findings: FindingsOption = FILE,
 ) -> None:
-    """Write the page of settings, replication-settings.md, from the findings."""
+    """Write the page of settings, replication-settings.md, and the two CSV files beside it from the findings."""
     from replication.inverse.findings import read_findings
     from replication.inverse.page import PAGE, page_of
+    from replication.inverse.page_files import files_of
 
-    (docs / PAGE).write_text(page_of(read_findings(findings)), encoding="utf-8")
-    say(f"wrote {docs / PAGE}")
+    found = read_findings(findings)
+    for name, text in {PAGE: page_of(found), **files_of(found)}.items():
+        (docs / name).write_text(text, encoding="utf-8")
+        say(f"wrote {docs / name}")
 
 
 def _say(line: str) -> None:
