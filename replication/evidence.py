@@ -112,7 +112,7 @@ def runs_of(judgements: Iterable[Evidence]) -> int:
 
 
 def _printed(value: float) -> int:
-    """Return how many decimals show a printed value as it is, and one that follows from printed ones to three digits."""
+    """Return how many decimals show a printed value as it is, or to three digits where it follows from printed ones."""
     if not math.isfinite(value):
         return 0
     exact = (decimals for decimals in range(6) if abs(round(value, decimals) - value) < 1e-9)

@@ -17,8 +17,8 @@ SETTINGS_PAGE = "replication-settings.md"
 _SHOWN_CONDITIONS = 3
 SIZES = {
     "trial": "A trial of a few minutes: three runs of each case, shortened. Its verdicts mean nothing.",
-    "full": "Campaigns at full size, of which `replication/full/` holds a summary each. `make reproduce` computes some "
-    "of their runs again and compares; `make reproduce-full` computes all.",
+    "full": "Campaigns at full size; `replication/full/` holds their summaries. `make reproduce` computes some of their "
+    "runs again and compares; `make reproduce-full` computes all.",
 }
 THRESHOLDS = (
     "Thresholds follow from principles, so that none is chosen for a claim: half of an improvement; a size within a "
@@ -114,7 +114,7 @@ def _inference(findings: Mapping[str, Any]) -> list[str]:
     lines = [f"Short campaigns, each drawn from a prior over what the paper leaves open: {flown}."]
     for key, paper in findings.items():
         lines += [f"{papers()[PAPER_OF[key]].short}: {line}" for line in sentence_lines(paper)]
-    return [_bullets(lines), f"Settings, best joint fits and checks: [the inference]({SETTINGS_PAGE})."]
+    return [_bullets(lines), f"What these settings have in common, and checks: [the inference]({SETTINGS_PAGE})."]
 
 
 def _contradictions() -> list[str]:

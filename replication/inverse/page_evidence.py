@@ -30,8 +30,8 @@ _STAND_IN = """In {settings} settings the published filter with {particles} part
 """
 _BEST = """From the bank's nearest settings the search takes Gauss-Newton steps, in turns with moves of single settings
 and of several. Its misfit is -2 log likelihood: at first, after three quarters, in the end; a longer search may find
-less. Residuals are printed less found in standard deviations of a single run, the last digit's rounding counted. The distance
-sums their squares (large ones count less); a consistent paper's is that to its own setting.
+less. Residuals are printed less found in standard deviations of a single run, the last digit's rounding counted. The
+distance sums their squares (large ones count less); a consistent paper's is that to its own setting.
 """
 _CELLS = """Paper; best setting for the table (residual). [All numbers](replication-numbers.csv) with components,
 scatter and the best setting for all tables.
