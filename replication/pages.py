@@ -17,8 +17,8 @@ SETTINGS_PAGE = "replication-settings.md"
 _SHOWN_CONDITIONS = 3
 SIZES = {
     "trial": "A trial of a few minutes: three runs of each case, shortened. Its verdicts mean nothing.",
-    "full": "Campaigns at full size; `replication/full/` holds their summaries. `make reproduce` computes some of their "
-    "runs again and compares; `make reproduce-full` computes all.",
+    "full": "Campaigns at full size; `replication/full/` holds their summaries. `make reproduce` computes some runs "
+    "again and compares; `make reproduce-full` computes all.",
 }
 THRESHOLDS = (
     "Thresholds follow from principles, so that none is chosen for a claim: half of an improvement; a size within a "

@@ -143,12 +143,8 @@ def test_what_is_many_times_larger_is_told_as_a_ratio():
     """Thirty times as many outliers are no -2900 %; up to fourfold the percentage stays."""
     part = Part("outliers, below that of b", "margin", ("a",), "r", "%", ("b",), published=50.0, at_least=25.0)
     told, ratio = as_told(Effect(part, Interval(-2900.0, -5900.0, 120.0, 0.95, 100), "open"))
-    assert (told.what, told.unit, told.published, told.at_most) == (
-        "outliers, over that of b",
-        "\N{MULTIPLICATION SIGN}",
-        0.5,
-        0.75,
-    )
+    assert (told.what, told.unit) == ("outliers, over that of b", "\N{MULTIPLICATION SIGN}")
+    assert (told.published, told.at_most) == (0.5, 0.75)
     assert told.at_least == -math.inf
     assert (ratio.estimate, ratio.low, ratio.high, ratio.runs) == (30.0, 0.0, 60.0, 100)
     near = Effect(part, Interval(-100.0, -300.0, 10.0, 0.95, 100), "fails")
