@@ -20,6 +20,10 @@ SIZES = {
     "full": "Campaigns at full size; `replication/full/` holds their summaries. `make reproduce` computes some runs "
     "again and compares; `make reproduce-full` computes all.",
 }
+COLUMNS = (
+    f"Bold: the verdict in stated settings. Then: in which share of all settings that the paper leaves open the claim "
+    f"holds ([how]({SETTINGS_PAGE}))."
+)
 THRESHOLDS = (
     "Thresholds follow from principles, so that none is chosen for a claim: half of an improvement; a size within a "
     "factor of two; a limit as printed; a period within a tenth; a number printed of one run within two standard "
@@ -40,7 +44,7 @@ INTERVALS = (
 
 def markdown_page(summary: Summary) -> str:
     """Return the Markdown page."""
-    parts = [f"# {TITLE}", _introduction(summary), "## Verdicts", verdict_table(summary)]
+    parts = [f"# {TITLE}", _introduction(summary), "## Verdicts", COLUMNS, verdict_table(summary)]
     parts += ["## Which settings could do it", *_inference(summary.findings)]
     parts += ["## Contradictions inside the papers", _bullets(_contradictions())]
     parts += ["## Causes", _bullets(causes(summary))]
@@ -118,7 +122,7 @@ def _inference(findings: Mapping[str, Any]) -> list[str]:
 
 
 def _contradictions() -> list[str]:
-    return [f"{paper.short}: {text}" for paper in papers().values() for text in paper.contradictions]
+    return [f"{paper.short}: {' '.join(paper.contradictions)}" for paper in papers().values() if paper.contradictions]
 
 
 def _bullets(lines: Sequence[str]) -> str:

@@ -171,8 +171,8 @@ def _what_is_learned(measured: Measured) -> Experiment:
         "A Gaussian process for the next state has to learn the Clohessy-Wiltshire equations too, which are known; one "
         "for their residual learns the perturbations alone.",
         f"As printed, from error-free states, the errors that hold 95 % of the time are {absolute:.2f} m and "
-        f"{significant(absolute_v, 2)} m/s. Learning the residual from the radar's own track, which a flight filter can "
-        f"have, gives {residual:.3f} m and {significant(residual_v, 2)} m/s.",
+        f"{significant(absolute_v, 2)} m/s. Learning the residual from the radar's own track, which a flight filter "
+        f"can have, gives {residual:.3f} m and {significant(residual_v, 2)} m/s.",
     )
     return Experiment("What is learned decides", ("B1", "B2"), text, table)
 
