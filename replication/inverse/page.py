@@ -32,8 +32,7 @@ holds on the numbers of that one run: at least half of a published reduction, a 
 names choices without which at most 1 % of the settings with a claim do; "mostly where" the interval that 90 % of them
 meet and the fewest others, with the share of all that do.
 
-`python -m replication.inverse` fills banks (`bank`), judges claims and searches best settings (`infer`), tests both on
-synthetic papers (`check`) and writes this page (`page`) from replication/inverse/findings.json.
+`make inverse` does all of it; replication/inverse/findings.json has all that is found, with seeds and digests.
 """
 _IMPOSSIBLE, _POSSIBLE = "Impossible under the stated conditions", "Reproduced with some of the settings"
 

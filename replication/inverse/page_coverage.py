@@ -27,13 +27,12 @@ def banks_and_coverage(banks: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     checked = [bank["checks"]["coverage"] for bank in held.values() if "coverage" in bank.get("checks", {})]
     if checked:
         yield _COVERED.format(**checked[0])
-    head = ("bank", "settings", "CPU hours", "digest", "contained", "least")
+    head = ("bank", "settings", "CPU hours", "contained", "least")
     rows = [
         (
             _NAMES.get(name, name),
             str(bank["bank"]["campaigns"]),
             f"{bank['bank']['cpu_hours']:.2f}",
-            bank["bank"]["digest"],
             *_covered(bank.get("checks", {}).get("coverage")),
         )
         for name, bank in held.items()

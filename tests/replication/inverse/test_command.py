@@ -37,6 +37,18 @@ def test_the_page_begins_with_the_verdicts_of_all_claims() -> None:
         assert heading.startswith("Possible only if") == bool(claim["choices"])
 
 
+def test_synthetic_papers_that_were_searched_are_shown() -> None:
+    bank = read_findings()["papers"]["alpha_kf"]
+    tables = {
+        "all tables": {"distance": 90.2, "honest": [50.0, 120.4]},
+        "table_2": {"distance": 80.0, "honest": [40, 50]},
+    }
+    known = [{"near": True, "forged": "", "tables": tables}, {"near": True, "forged": "table_2 ekf", "tables": tables}]
+    page = page_of({"papers": {"alpha_kf": bank | {"searched": known}}})
+    assert "| near this paper's | 90 (120) | 80 (50) |" in page
+    assert "| near this paper's; Table 2, EKF \N{MULTIPLICATION SIGN} 2 | 90 (120) | 80 (50) |" in page
+
+
 def test_the_files_hold_every_number_and_every_unknown() -> None:
     found = read_findings()["papers"]
     numbers, unknowns = (list(csv.DictReader(io.StringIO(text))) for text in files_of(read_findings()).values())
