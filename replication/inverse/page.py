@@ -8,7 +8,7 @@ from typing import Any
 from replication.findings import only_if, sentence_lines, share_of_settings, why_impossible
 from replication.inverse.page_coverage import banks_and_coverage, open_settings
 from replication.inverse.page_evidence import evidence
-from replication.inverse.page_tables import column_words, escaped, plain
+from replication.inverse.page_tables import column_words, escaped, percent, plain
 from replication.papers import paper_of, papers
 
 PAGE = "replication-settings.md"
@@ -30,7 +30,7 @@ A prior says how likely each value of an open setting is before any printed numb
 campaigns, one for each setting drawn from the prior, answers all questions. A claim holds in a setting if its rule
 holds on the numbers of that one run: at least half of a published reduction, a size within a factor of two. "Only if"
 names choices without which at most 1 % of the settings with a claim do; "mostly where" the interval that 90 % of them
-meet and the fewest others, with the share of all that do.
+meet and the fewest others, with the share of all that do. A consistent paper is synthetic: one run of one setting.
 
 `make inverse` does all of it; replication/inverse/findings.json has all that is found, with seeds and digests.
 """
@@ -79,7 +79,7 @@ def _claim(claim: str, found: Mapping[str, Any], bank: Mapping[str, Any]) -> str
     shares = [escaped(share_of_settings(found))]
     common = found.get("probability_with_one_process_noise")
     if only_if(found) and common is not None:
-        shares.append(f"{100 * common:.2g} % with the same process noise for all")
+        shares.append(f"{100 * common:.2g} % with one for all")
     shares += [f"mostly where {escaped(_interval(each))}" for each in found["settings"][:1]]
     return (
         f"[{claim}]({_EVIDENCE}#{claim.lower()}) {text}: **{shares[0]}**" + "".join(f"; {x}" for x in shares[1:]) + "."
@@ -91,7 +91,7 @@ def _interval(condition: Mapping[str, Any]) -> str:
     low, high = map(plain, condition["interval"])
     sides = {"between": f"between {low} and {high}", "at most": f"at most {high}", "at least": f"at least {low}"}
     unit = f" {condition['unit']}" if condition["unit"] else ""
-    return f"{condition['name']} is {sides[condition['side']]}{unit} ({condition['prior']:.0%} of all)"
+    return f"{condition['name']} is {sides[condition['side']]}{unit} ({percent(condition['prior'])} of all)"
 
 
 def _together(banks: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from replication.inverse.page_tables import escaped, folded, plain, table
+from replication.inverse.page_tables import escaped, folded, percent, plain, table
 
 _NAMES = {
     "alpha_kf": "Shi et al.",
@@ -15,7 +15,7 @@ _NAMES = {
 }
 _COVERED = """## Banks and coverage
 
-{papers} papers of each bank, which nothing was learned from, check its intervals of {level:.0%}: the share that contain
+{papers} papers of each bank, which nothing was learned from, check its intervals of {level}: the share that contain
 the known settings, and the least count for one unknown with its binomial bound. The prior, best settings and coverage
 of [all unknowns](replication-unknowns.csv).
 """
@@ -26,7 +26,7 @@ def banks_and_coverage(banks: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     held = {name: bank for name, bank in banks.items() if "bank" in bank}
     checked = [bank["checks"]["coverage"] for bank in held.values() if "coverage" in bank.get("checks", {})]
     if checked:
-        yield _COVERED.format(**checked[0])
+        yield _COVERED.format(papers=checked[0]["papers"], level=percent(checked[0]["level"]))
     head = ("bank", "settings", "CPU hours", "contained", "least")
     rows = [
         (
@@ -46,7 +46,7 @@ def _covered(coverage: Mapping[str, Any] | None) -> tuple[str, str]:
         return "–", "–"
     least = min(each["contained"] for each in coverage["unknowns"])
     warning = "" if coverage["passed"] else ": below, not to be relied on"
-    return f"{coverage['contained']:.1%}", f"{least} ({coverage['least_allowed']}){warning}"
+    return percent(coverage["contained"], 1), f"{least} ({coverage['least_allowed']}){warning}"
 
 
 def open_settings(banks: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from replication.findings import share_of_settings
-from replication.inverse.page_tables import column_words, deviation, number_words, plain, table
+from replication.inverse.page_tables import column_words, deviation, number_words, percent, plain, table
 
 _HOW = {
     "alpha_kf": """EKF and UKF are flown as one Kalman filter on the converted measurement, the alpha filter as that
@@ -40,7 +40,7 @@ _CELLS = """Paper; best setting for the table (residual). [All numbers](replicat
 scatter and the best setting for all tables.
 """
 _SHOWN = ("r mean", "v mean", "convergence")
-_PAIRS = """Pairs of numbers that pull against each other, each alone in the bank's range: {count} with p ≤ {limit:.0%};
+_PAIRS = """Pairs of numbers that pull against each other, each alone in the bank's range: {count} with p ≤ {limit};
 consistent papers have {middle:.0f} (95 % of them at most {high:.0f}). Least: {pairs}.
 """
 _COLUMNS = """### Columns against each other
@@ -49,7 +49,7 @@ p is how often a column of a consistent paper goes as ill with the other columns
 furthest from what the others imply, in standard deviations: {least}.
 """
 _POWER = """Power: the share of {papers} synthetic papers called inconsistent when one column is multiplied by a factor
-or is another paper's; unchanged {false_alarm:.1%} are (nominal {nominal_false_alarm:.0%}). The sizes of a column differ
+or is another paper's; unchanged {alarms} are (nominal {nominal}). The sizes of a column differ
 from run to run by a factor of {low:.2f} to {high:.2f}: no test can see much less.
 """
 _FACTORS, _PULLING, _FEWEST, _FURTHEST, _WORST = ("0.5", "0.8", "1.25", "2"), 2, 3, 3, 3
@@ -113,7 +113,7 @@ def _best(found: Mapping[str, Any]) -> Iterator[str]:
     rows = (
         (
             column_words(name),
-            f"{each['within_two']:.0%} of {each['numbers']}",
+            f"{percent(each['within_two'])} of {each['numbers']}",
             str(each["beyond_four"]),
             f"{each['distance']:.0f}",
             "{:.0f} to {:.0f}".format(*each["honest"]),
@@ -161,7 +161,7 @@ def _pairs(found: Mapping[str, Any]) -> str:
         f"{number_words(each['first'])} and {number_words(each['second'])} (p = {each['p_value']:.1g})"
         for each in found["pairs"][:_PULLING]
     )
-    return _PAIRS.format(count=found["count"], limit=found["limit"], middle=middle, high=high, pairs=least)
+    return _PAIRS.format(count=found["count"], limit=percent(found["limit"]), middle=middle, high=high, pairs=least)
 
 
 def _columns(pulls: Sequence[Mapping[str, Any]], power: Mapping[str, Any]) -> Iterator[str]:
@@ -174,7 +174,13 @@ def _columns(pulls: Sequence[Mapping[str, Any]], power: Mapping[str, Any]) -> It
         yield _COLUMNS.format(count=len(pulls), least=least)
     if not power:
         return
-    yield _POWER.format(**power, low=min(power["scatter"].values()), high=max(power["scatter"].values()))
+    yield _POWER.format(
+        papers=power["papers"],
+        alarms=percent(power["false_alarm"], 1),
+        nominal=percent(power["nominal_false_alarm"]),
+        low=min(power["scatter"].values()),
+        high=max(power["scatter"].values()),
+    )
     p_values = {each["column"]: f"{each['p_value']:.2g}" for each in pulls}
     factors = [factor for factor in _FACTORS if factor in power["columns"][0]["called_inconsistent"]]
     rows = (

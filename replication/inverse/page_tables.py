@@ -52,6 +52,11 @@ def number_words(name: str) -> str:
     return f"{column_words(f'{where} {column}')}, {label}"
 
 
+def percent(share: float, decimals: int = 0) -> str:
+    """Return a share in per cent."""
+    return f"{100 * share:.{decimals}f} %"
+
+
 def plain(value: float, digits: int = 2) -> str:
     """Return a number to so many digits, with an exponent only where it is huge or tiny.
 
