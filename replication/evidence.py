@@ -75,8 +75,8 @@ def as_told(effect: Effect) -> tuple[Part, Interval]:
     bound, published = 1 - part.at_least / 100, 1 - part.published / 100
     told = replace(part, what=what, unit="×", at_least=-math.inf, at_most=bound, published=published)
     # A ratio of sizes is not negative, though an interval of Student's may be.
-    ends = (max(0.0, 1 - end / 100) for end in (below.estimate, below.high, below.low))
-    return told, Interval(*ends, below.level, below.runs)
+    ratio, low, high = (max(0.0, 1 - end / 100) for end in (below.estimate, below.high, below.low))
+    return told, Interval(ratio, low, high, below.level, below.runs)
 
 
 def unit_of(unit: str) -> str:

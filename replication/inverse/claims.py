@@ -75,8 +75,8 @@ def judged(holds: Mask, quantities: Sequence[Quantity], numbers: Sequence[Number
         place for place in np.argsort(after / np.maximum(before, 1e-9)) if after[place] < RARE <= USUAL <= before[place]
     ]
     found["conflicts"] = [
-        f"{numbers[place].name}: the printed value comes out in {after[place]:.1%} of settings with the claim, "
-        f"and in {before[place]:.1%} of all"
+        f"{numbers[place].name}: the printed value comes out in {100 * after[place]:.1f} % of settings with the "
+        f"claim, and in {100 * before[place]:.1f} % of all"
         for place in against[:4]
     ]
     return found
