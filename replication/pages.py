@@ -60,6 +60,7 @@ def _introduction(summary: Summary) -> str:
     parts = [
         f"{SIZES[summary.size]} The filters took {summary.cpu_hours:.1f} CPU hours.",
         f"All interpretations, tables, figures and deviations from the papers: [the evidence]({EVIDENCE_PAGE}).",
+        "Flown word for word: [as published](filters.md#as-published).",
     ]
     if summary.missing:
         parts.append(f"Not run yet: {plain_markdown(', '.join(summary.missing))}.")
