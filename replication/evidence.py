@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 from relnav_sim.report.tables import Column, Number, Row, Table, Words, decimals_for
 from relnav_sim.statistics.intervals import Interval
 from relnav_sim.wording import MISSING, shown_number
 from replication.effects import Effect, Evidence, Judgement
+from replication.rules import Part
 
+_MOST_PERCENT = 300.0
+"""What is further above is told as a ratio."""
 OUTCOMES = {"holds": "holds", "fails": "fails", "open": "undecided"}
 _COLUMNS = (
     Column("value", numeric=False),
@@ -41,7 +45,7 @@ def evidence_table(judgement: Judgement) -> Table:
 
 
 def _cells(effect: Effect, item: Evidence) -> tuple[Words | Number, ...]:
-    part, interval = effect.part, effect.interval
+    part, interval = as_told(effect)
     decimals = decimals_for([interval.estimate], [(interval.high - interval.low) / 2])
     unit = unit_of(part.unit)
     return (
@@ -53,6 +57,26 @@ def _cells(effect: Effect, item: Evidence) -> tuple[Words | Number, ...]:
         Number(float(interval.runs), decimals=0),
         Words(OUTCOMES[effect.outcome], mark="best" if effect.outcome == "holds" else ""),
     )
+
+
+def as_told(effect: Effect) -> tuple[Part, Interval]:
+    """Return an effect as it is told: where a size is far above what it should be below, their ratio, not a percentage.
+
+    Example:
+        >>> part = Part("error below the EKF's", "reduction", ("a",), "r", "%", ("ekf",), at_least=20.0)
+        >>> told, ratio = as_told(Effect(part, Interval(-900.0, -1000.0, -800.0, 0.95, 9), "fails"))
+        >>> told.what, told.at_most, ratio.estimate, ratio.low, ratio.high
+        ("error over the EKF's", 0.8, 10.0, 9.0, 11.0)
+    """
+    part, below = effect.part, effect.interval
+    if part.kind not in ("reduction", "margin") or not below.low < -_MOST_PERCENT:
+        return part, below
+    what = part.what.replace("below ", "over ", 1)
+    bound, published = 1 - part.at_least / 100, 1 - part.published / 100
+    told = replace(part, what=what, unit="×", at_least=-math.inf, at_most=bound, published=published)
+    # A ratio of sizes is not negative, though an interval of Student's may be.
+    ratio, low, high = (max(0.0, 1 - end / 100) for end in (below.estimate, below.high, below.low))
+    return told, Interval(ratio, low, high, below.level, below.runs)
 
 
 def unit_of(unit: str) -> str:
@@ -70,7 +94,7 @@ def found_in_words(judgement: Judgement) -> str:
         return MISSING
     words = []
     for effect in mains[0].effects:
-        part, interval = effect.part, effect.interval
+        part, interval = as_told(effect)
         unit, number = unit_of(part.unit), number_of(interval)
         claimed = ""
         if math.isfinite(part.published):
@@ -88,10 +112,11 @@ def runs_of(judgements: Iterable[Evidence]) -> int:
 
 
 def _printed(value: float) -> int:
-    """Return how many decimals show a printed value as it is, at most three."""
+    """Return how many decimals show a printed value as it is, or to three digits where it follows from printed ones."""
     if not math.isfinite(value):
         return 0
-    return next((decimals for decimals in range(3) if abs(round(value, decimals) - value) < 1e-9), 3)
+    exact = (decimals for decimals in range(6) if abs(round(value, decimals) - value) < 1e-9)
+    return next(exact, max(0, 2 - math.floor(math.log10(abs(value)))))
 
 
 def _range(at_least: float, at_most: float, unit: str) -> str:

@@ -31,7 +31,8 @@ def deviation_table(literal: str) -> str:
         rows.append((item["paper"], item["relnav"], item["printed"], shown))
     table = pipe_table(("paper", "relnav", "the paper", "switch"), rows)
     if literal:
-        return f"{table}\n\n`campaigns/papers_literal*.yaml` set the switches."
+        given = "[what that gives](filters.md#as-published) is not what the verdicts go by"
+        return f"{table}\n\n`campaigns/papers_literal*.yaml` set the switches; {given}."
     return f"{table}\n\nA campaign that sets the papers' own ways is not here yet."
 
 

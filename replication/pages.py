@@ -17,9 +17,13 @@ SETTINGS_PAGE = "replication-settings.md"
 _SHOWN_CONDITIONS = 3
 SIZES = {
     "trial": "A trial of a few minutes: three runs of each case, shortened. Its verdicts mean nothing.",
-    "full": "Campaigns at full size, of which `replication/full/` holds a summary each. `make reproduce` computes some "
-    "of their runs again and compares; `make reproduce-full` computes all.",
+    "full": "Campaigns at full size; `replication/full/` holds their summaries. `make reproduce` computes some runs "
+    "again and compares; `make reproduce-full` computes all.",
 }
+COLUMNS = (
+    f"Bold: the verdict in stated settings. Then: in which share of all settings that the paper leaves open the claim "
+    f"holds ([how]({SETTINGS_PAGE}))."
+)
 THRESHOLDS = (
     "Thresholds follow from principles, so that none is chosen for a claim: half of an improvement; a size within a "
     "factor of two; a limit as printed; a period within a tenth; a number printed of one run within two standard "
@@ -40,7 +44,7 @@ INTERVALS = (
 
 def markdown_page(summary: Summary) -> str:
     """Return the Markdown page."""
-    parts = [f"# {TITLE}", _introduction(summary), "## Verdicts", verdict_table(summary)]
+    parts = [f"# {TITLE}", _introduction(summary), "## Verdicts", COLUMNS, verdict_table(summary)]
     parts += ["## Which settings could do it", *_inference(summary.findings)]
     parts += ["## Contradictions inside the papers", _bullets(_contradictions())]
     parts += ["## Causes", _bullets(causes(summary))]
@@ -56,6 +60,7 @@ def _introduction(summary: Summary) -> str:
     parts = [
         f"{SIZES[summary.size]} The filters took {summary.cpu_hours:.1f} CPU hours.",
         f"All interpretations, tables, figures and deviations from the papers: [the evidence]({EVIDENCE_PAGE}).",
+        "Flown word for word: [as published](filters.md#as-published).",
     ]
     if summary.missing:
         parts.append(f"Not run yet: {plain_markdown(', '.join(summary.missing))}.")
@@ -114,11 +119,11 @@ def _inference(findings: Mapping[str, Any]) -> list[str]:
     lines = [f"Short campaigns, each drawn from a prior over what the paper leaves open: {flown}."]
     for key, paper in findings.items():
         lines += [f"{papers()[PAPER_OF[key]].short}: {line}" for line in sentence_lines(paper)]
-    return [_bullets(lines), f"Settings, best joint fits and checks: [the inference]({SETTINGS_PAGE})."]
+    return [_bullets(lines), f"What these settings have in common, and checks: [the inference]({SETTINGS_PAGE})."]
 
 
 def _contradictions() -> list[str]:
-    return [f"{paper.short}: {text}" for paper in papers().values() for text in paper.contradictions]
+    return [f"{paper.short}: {' '.join(paper.contradictions)}" for paper in papers().values() if paper.contradictions]
 
 
 def _bullets(lines: Sequence[str]) -> str:

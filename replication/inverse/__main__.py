@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-from relnav_sim.cli.failures import guarded
+from relnav_sim.cli.failures import UserError, guarded
 from relnav_sim.cli.group import Command, flags_unlabelled
 from relnav_sim.cli.interrupts import ending_promptly
 from relnav_sim.cli.output import say
@@ -18,16 +17,9 @@ if TYPE_CHECKING:
     from replication.inverse.bank import Paper
 
 
-class PaperName(StrEnum):
-    """The papers, by their names in papers.yaml; one has two banks."""
-
-    ALPHA_KF = "alpha_kf"
-    MF_UPF = "mf_upf"
-    MF_UPF_LEARNED = "mf_upf_learned"
-    TWO_STEP_KF = "two_step_kf"
-
-
-PaperArgument = Annotated[PaperName, typer.Argument(metavar="PAPER", help="The paper.")]
+PAPERS = ("alpha_kf", "mf_upf", "mf_upf_learned", "two_step_kf")
+"""Names of papers.yaml; mf_upf_learned is the second bank of mf_upf."""
+PaperArgument = Annotated[str, typer.Argument(metavar="PAPER", help=f"{{{'|'.join(PAPERS)}}}.")]
 OutOption = Annotated[Path, typer.Option(metavar="FOLDER", help="The folder with the banks.")]
 FindingsOption = Annotated[Path, typer.Option(metavar="FILE", help="The file of findings.")]
 OUT, FILE = Path("results/inverse"), Path("replication/inverse/findings.json")
@@ -105,34 +97,35 @@ def check(
 
 
 def page(
-    docs: Annotated[Path, typer.Option(metavar="FOLDER", help="The folder of the page.")] = Path("docs"),
+    docs: Annotated[Path, typer.Option(metavar="FOLDER", help="The folder of the page and its files.")] = Path("docs"),
     findings: FindingsOption = FILE,
 ) -> None:
-    """Write the page of settings, replication-settings.md, from the findings."""
+    """Write the page of settings, replication-settings.md, and the two CSV files beside it from the findings."""
     from replication.inverse.findings import read_findings
     from replication.inverse.page import PAGE, page_of
+    from replication.inverse.page_files import files_of
 
-    (docs / PAGE).write_text(page_of(read_findings(findings)), encoding="utf-8")
-    say(f"wrote {docs / PAGE}")
+    found = read_findings(findings)
+    for name, text in {PAGE: page_of(found), **files_of(found)}.items():
+        (docs / name).write_text(text, encoding="utf-8")
+        say(f"wrote {docs / name}")
 
 
 def _say(line: str) -> None:
     say(line, err=True)
 
 
-def _paper(name: PaperName) -> Paper:
+def _paper(name: str) -> Paper:
     from replication.inverse.alpha_kf import AlphaKf
     from replication.inverse.mf_upf import MfUpf
     from replication.inverse.mf_upf_learned import MfUpfLearned
     from replication.inverse.two_step import TwoStep
 
-    made: dict[PaperName, Paper] = {
-        PaperName.ALPHA_KF: AlphaKf(),
-        PaperName.MF_UPF: MfUpf(),
-        PaperName.MF_UPF_LEARNED: MfUpfLearned(),
-        PaperName.TWO_STEP_KF: TwoStep(),
-    }
-    return made[name]
+    made: list[Paper] = [AlphaKf(), MfUpf(), MfUpfLearned(), TwoStep()]
+    found = next((paper for paper in made if paper.name == name), None)
+    if found is None:
+        raise UserError(f"there is no paper {name!r}; give one of {', '.join(PAPERS)}")
+    return found
 
 
 @app.callback()

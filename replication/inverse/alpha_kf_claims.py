@@ -73,7 +73,7 @@ def holds(found: Array) -> dict[str, Mask]:
     return each
 
 
-A7_SENTENCE = (
+A7_SENTENCE = (  # counted, not flown
     "impossible: the paper states 10000 samples, and more than 13 cost more than a UKF, whatever it leaves open"
 )
 

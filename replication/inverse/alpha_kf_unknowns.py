@@ -59,10 +59,14 @@ READINGS = (
     Unknown("bias_interpretation", "", "what 0.05 deg is", choice((3, 1)), choices=("the bias", "3 sigma of it")),
 )
 FILTERS = (
-    Unknown("told_r", "", "the R told over the radar's", or_else(0.5, 1.0, log_uniform(0.1, 10)), True),
-    Unknown("told_shape", "", "the R told", choice((3, 1)), choices=("as the radar's", "the same on all axes")),
+    Unknown("told_r", "", "the filters' R over the radar's", or_else(0.5, 1.0, log_uniform(0.1, 10)), True),
+    Unknown("told_shape", "", "the filters' R", choice((3, 1)), choices=("as the radar's", "the same on all axes")),
     Unknown(
-        "told_mixture", "", "the R told with mixture noise", choice((1, 1)), choices=("component A's", "the mixture's")
+        "told_mixture",
+        "",
+        "the filters' R with mixture noise",
+        choice((1, 1)),
+        choices=("component A's", "the mixture's"),
     ),
     Unknown(
         "start_position", "", "the first variance of positions over that of a measurement", log_uniform(0.1, 100), True

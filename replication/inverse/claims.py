@@ -60,8 +60,6 @@ def judged(holds: Mask, quantities: Sequence[Quantity], numbers: Sequence[Number
     found: dict[str, Any] = {"probability": hits / count, "interval": [low, high]}
     found |= {"settings": [], "choices": [], "conflicts": []}
     if hits < ENOUGH:
-        few = f"possible, but no condition can be told from {hits} of {count} settings"
-        found["sentence"] = few if hits else f"impossible in all {count} settings"
         return found
     tried = [_condition(quantity, holds) for quantity in quantities]
     chance = 3 * len(quantities)  # a condition is the best of three sides and of all quantities
@@ -72,14 +70,13 @@ def judged(holds: Mask, quantities: Sequence[Quantity], numbers: Sequence[Number
     ]
     found["settings"] = [each for each in telling if "interval" in each][:5]
     found["choices"] = [each for each in telling if "choices" in each]
-    found["sentence"] = _sentence(found["choices"], found["settings"])
     before, after = met.mean(axis=0), met[holds].mean(axis=0)
     against = [
         place for place in np.argsort(after / np.maximum(before, 1e-9)) if after[place] < RARE <= USUAL <= before[place]
     ]
     found["conflicts"] = [
-        f"{numbers[place].name}: the printed value comes out in {after[place]:.1%} of settings with the claim, "
-        f"and in {before[place]:.1%} of all"
+        f"{numbers[place].name}: the printed value comes out in {100 * after[place]:.1f} % of settings with the "
+        f"claim, and in {100 * before[place]:.1f} % of all"
         for place in against[:4]
     ]
     return found
@@ -110,31 +107,6 @@ def _condition(quantity: Quantity, holds: Mask) -> dict[str, Any]:
     best = int(np.argmin(shares))
     side = ("between", "at most", "at least")[best]
     return told | {"interval": [float(end) for end in intervals[best]], "side": side, "prior": shares[best]}
-
-
-def _sentence(choices: Sequence[Mapping[str, Any]], settings: Sequence[Mapping[str, Any]]) -> str:
-    """Return what a claim takes: all choices that it excludes, and the interval that excludes the most."""
-    needed = [f"{each['name']} is {_choice_words(each['choices'], each['excluded'])}" for each in choices]
-    mostly = [_interval_words(each) for each in settings[:1]]
-    if needed:
-        return "possible only if " + " and ".join(needed) + "".join(f"; mostly where {words}" for words in mostly)
-    return f"possible mostly where {mostly[0]}" if mostly else "possible in settings of every kind"
-
-
-def _choice_words(kept: Sequence[str], excluded: Sequence[str]) -> str:
-    return " or ".join(kept) if len(kept) <= len(excluded) else "not " + " or ".join(excluded)
-
-
-def _interval_words(condition: Mapping[str, Any]) -> str:
-    low, high = condition["interval"]
-    unit = f" {condition['unit']}" if condition["unit"] else ""
-    sides = {
-        "between": f"between {low:.3g} and {high:.3g}",
-        "at most": f"at most {high:.3g}",
-        "at least": f"at least {low:.3g}",
-    }
-    share = f"90 % of these settings; {condition['prior']:.0%} of all"
-    return f"{condition['name']} is {sides[condition['side']]}{unit} ({share})"
 
 
 def roughly_met(found: Array, printed: Array, numbers: Sequence[Number]) -> Mask:

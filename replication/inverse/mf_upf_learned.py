@@ -32,7 +32,7 @@ from replication.inverse.table import Number
 
 POINTS, TOGETHER = 500, 25
 TARGETS = ("absolute", "difference", "residual")
-LEARNED = ("the next state", "the difference", "what the Clohessy-Wiltshire equations leave over")
+LEARNED = ("the next state", "the difference", "the residual of the Clohessy-Wiltshire equations")
 
 UNKNOWNS: tuple[Unknown, ...] = (
     *PARTICLE_UNKNOWNS,

@@ -30,7 +30,9 @@ UNKNOWNS = (
     Unknown(
         "step", "", "the time between measurements", choice((1, 1, 1, 1)), choices=tuple(f"{h:g} s" for h in STEPS_S)
     ),
-    Unknown("told_sigma", "", "the radar's sigma told over the true one", or_else(0.4, 1.0, log_uniform(1, 300)), True),
+    Unknown(
+        "told_sigma", "", "the filter's radar sigma over the true one", or_else(0.4, 1.0, log_uniform(1, 300)), True
+    ),
     Unknown("start_position_m", "m", "the start error of each position", log_uniform(0.01, 100), True),
     Unknown("start_velocity_m_s", "m/s", "the start error of each velocity", log_uniform(1e-4, 0.5), True),
     Unknown("ballistic_m2_kg", "m^2/kg", "Cd A / m of the chief, half the deputy's", log_uniform(2e-3, 0.1), True),

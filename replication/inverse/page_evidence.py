@@ -5,60 +5,54 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from replication.inverse.page_tables import folded, share, table
+from replication.findings import share_of_settings
+from replication.inverse.page_tables import column_words, deviation, number_words, percent, plain, table
 
 _HOW = {
     "alpha_kf": """EKF and UKF are flown as one Kalman filter on the converted measurement, the alpha filter as that
-with R / alpha and the scatter of its samples: at 12 km they are the same ([why](replication.md)). Steps are 0.2 s long
-at first and 5 s from 960 s on, with measurements that much better, which leaves white noise as it is. Drag is left out.
-A8 and A9 ask for printed errors within two standard deviations of a setting's single runs; settings that come near were
-flown 20 times for that.
+with R / α and the scatter of its samples: at 12 km they are the same ([why](replication.md)). Steps are 0.2 s long at
+first and 5 s from 960 s on, with measurements that much better, which leaves white noise as it is; drag is left out. A8
+and A9 are judged on 20 runs of each setting whose one run is within a factor of two.
 """,
     "mf_upf": """The particle filter over Clohessy-Wiltshire dynamics: 50 to 500 particles, 2 to 20 s between
-measurements. B3 asks for a largest position error of 5 m from 4000 s on, B4 for 0.01 m/s RMS, both within a factor of
-two and with half of the RMS of 1000 to 2000 s or more; B6 for 1 m RMS from 1000 s on, within a factor of two.
+measurements.
 """,
-    "mf_upf_learned": """### With learned dynamics
-
-Both filters of the comparison in one setting, for B1, B2 and B5. An unscented Kalman filter over the learned dynamics
-stands for the published filter; one process serves all outputs, fitted to 75 of the 500 pairs, and its variance is that
-given the 100 most informative.
+    "mf_upf_learned": """B1, B2 and B5 compare both filters in one setting. An unscented Kalman filter over the learned
+dynamics stands for the published filter; one process serves all outputs, fitted to 75 of the 500 pairs, with the
+variance that the 100 most informative give.
 """,
-    "two_step_kf": """No scenario of the paper is accessible, so that every scenario is admissible. Each setting flies
-eight runs of 40 measurements, with Clohessy-Wiltshire motion for truth and filters.
+    "two_step_kf": """No scenario of the paper is accessible: every one is admissible. A setting is eight runs of 40
+measurements, with Clohessy-Wiltshire motion for truth and filters.
 """,
 }
-_STAND_IN = """The published filter with {particles} particles and relnav's own fit, flown in {settings} of these
-settings, has {low:.2f} to {high:.2f} times the stand-in's RMS position error (80 % of them; median {middle:.2f}). The
-outcome of a claim is the same in:
+_STAND_IN = """In {settings} settings the published filter with {particles} particles and relnav's own fit has {low} to
+{high} times the stand-in's RMS position error (80 % of them; median {middle}). The outcome is the same in {same}.
 """
-_PAIRS = """Each number alone is as far out as in a twentieth of the bank's papers or more. Of the papers that have
-nearly the first number, p is twice the share in which the second is as far out on its side, or the same the other way
-round if that is more; deviations are from the median of these papers. One pair is listed for each pair of columns.
-Pairs with p of {limit:.0%} or less: {count}; papers held out of the bank have {middle:.0f} (95 % of them at most
-{high:.0f}).
+_BEST = """From the bank's nearest settings the search moves single settings across their range and steps downhill, as
+long as that pays. Its misfit is -2 log likelihood: at first, after three quarters, in the end; a longer search may find
+less. Residuals are printed less found in standard deviations of a single run, the last digit's rounding counted. The
+distance sums their squares (large ones count less); a consistent paper's is that to its own setting.
 """
-_SEARCH = """The search takes Gauss-Newton steps from the settings of the bank that come nearest, in turns with moves of
-single settings across their range, and at last of several at once; all fly with the same noise. Its misfit is -2 log
-likelihood. Other starts end at other misfits: the least found need not be the least there is.
+_SEARCHED = """The same search on synthetic papers whose settings are known: the distance of the best setting found. In
+brackets the 95 % limit of consistent papers, at which the search ends. In the last a column is doubled.
 """
-_CELLS = """In each cell: the paper's number; that of the best setting for this table alone; that of the best setting
-for all tables. In brackets: printed less found, in standard deviations of a single run, the rounding of the last digit
-counted.
+_CELLS = """Paper; best setting for the table (residual). [All numbers](replication-numbers.csv) with components,
+scatter and the best setting for all tables.
 """
-_COVERED = """Intervals of {level:.0%} contain the known settings of {papers} papers that were held out of the bank in
-{contained:.1%} of all cases. The least for one unknown is {least} papers; for so many unknowns together the binomial
-bound is {least_allowed}.
+_SHOWN = ("r mean", "v mean", "convergence")
+_PAIRS = """Pairs of numbers that pull against each other, each alone in the bank's range: {count} with p ≤ {limit};
+consistent papers have {middle:.0f} (95 % of them at most {high:.0f}). Least: {pairs}.
 """
-_FORGED = """Share of {papers} synthetic papers like the printed one that are called inconsistent when the errors of one
-column are multiplied by a factor, or are those of another such paper. Of those without a forged column
-{false_alarm:.1%} are; nominal are {nominal_false_alarm:.0%}. The test is a classifier that has been shown other papers
-forged in these two ways. The scatter is the factor by which all sizes in a column together differ from run to run of
-one setting (one standard deviation): no test can see much less.
+_COLUMNS = """### Columns against each other
+
+p is how often a column of a consistent paper goes as ill with the other columns. Least of {count}, with the number
+furthest from what the others imply, in standard deviations: {least}.
 """
-_COLUMNS = """The probability that a column of an honest paper like this one is as improbable given the other columns,
-and the numbers that are furthest from what the others imply, in standard deviations.
+_POWER = """Power: the share of {papers} synthetic papers called inconsistent when one column is multiplied by a factor
+or is another paper's; unchanged {alarms} are (nominal {nominal}). The sizes of a column differ
+from run to run by a factor of {low:.2f} to {high:.2f}: no test can see much less.
 """
+_FACTORS, _PULLING, _FEWEST, _FURTHEST, _WORST = ("0.5", "0.8", "1.25", "2"), 2, 3, 3, 3
 
 
 def evidence(name: str, found: Mapping[str, Any]) -> Iterator[str]:
@@ -67,122 +61,140 @@ def evidence(name: str, found: Mapping[str, Any]) -> Iterator[str]:
     if "bank" not in found:
         yield "No bank has been flown yet.\n"
         return
-    bank = found["bank"]
-    size = f"{bank['campaigns']} independent settings, {bank['cpu_hours']:.2f} hours of processor time"
-    yield f"Bank: {size}, seed {bank['seed']}, digest {bank['digest']}.\n"
     if "stand_in" in found:
         yield _stand_in(found["stand_in"])
-    conflicts = [f"- {claim}: {text}." for claim, each in found["claims"].items() for text in each["conflicts"]]
+    conflicts = [
+        f"{claim} against {_named(text)}" for claim, each in found["claims"].items() for text in each["conflicts"]
+    ]
     if conflicts:
-        yield "Printed numbers that pull against a claim:\n"
-        yield "\n".join(conflicts) + "\n"
+        yield "Printed numbers that pull against a claim: " + "; ".join(conflicts) + ".\n"
     if found.get("together"):
-        rows = ((" and ".join(pair["claims"]), *share(pair["share"], pair["interval"])) for pair in found["together"])
-        yield table(("both claims hold, least often first", "where the rarer one holds", "95 %"), rows)
+        pairs = (f"{' and '.join(each['claims'])} {_share(each)}" for each in found["together"][:_FEWEST])
+        yield "How often both hold where the rarer one does: " + "; ".join(pairs) + ".\n"
     if "best" in found:
         yield from _best(found)
+    if found.get("searched"):
+        yield _SEARCHED
+        yield _searched(found["searched"])
     if "pairs" in found:
-        middle, high = found["pairs"]["honest"]
-        yield "### Printed numbers that pull against each other\n"
-        yield _PAIRS.format(**found["pairs"], middle=middle, high=high)
-        yield _pairs(found["pairs"]["pairs"])
-    if "inferred" in found:
-        yield "### Columns that go with the others\n"
-        yield _COLUMNS
-        yield _pulls(found["inferred"]["columns"])
-    if "forged" in found.get("checks", {}):
-        yield "### Power against a forged column\n"
-        yield _FORGED.format(**found["checks"]["forged"])
-        yield _powers(found["checks"]["forged"])
-    yield from _unknowns(found)
+        yield _pairs(found["pairs"])
+    yield from _columns(found.get("inferred", {}).get("columns", ()), found.get("checks", {}).get("forged", {}))
+
+
+def _named(conflict: str) -> str:
+    number, colon, rest = conflict.partition(":")
+    return number_words(number) + colon + rest
+
+
+def _share(pair: Mapping[str, Any]) -> str:
+    return share_of_settings({"probability": pair["share"], "interval": pair["interval"]})
 
 
 def _stand_in(found: Mapping[str, Any]) -> str:
     low, middle, high = found["ratio"]
-    rows = (
-        (claim, str(same), *share(same / found["settings"], ends)) for claim, (same, *ends) in found["same"].items()
+    same = "; ".join(
+        f"{share_of_settings({'probability': count / found['settings'], 'interval': ends})} for {claim}"
+        for claim, (count, *ends) in found["same"].items()
     )
-    head = ("claim", f"of {found['settings']} settings", "share", "95 %")
-    return _STAND_IN.format(**found, low=low, middle=middle, high=high) + "\n" + table(head, rows)
+    return _STAND_IN.format(
+        settings=found["settings"],
+        particles=found["particles"],
+        low=plain(low),
+        high=plain(high),
+        middle=plain(middle),
+        same=same,
+    )
 
 
 def _best(found: Mapping[str, Any]) -> Iterator[str]:
-    """Yield how the search ended, and the tables beside the best settings."""
+    """Yield how near the best settings come, how the search ended, and the tables beside them."""
     yield "### The best settings\n"
-    yield _SEARCH
+    yield _BEST
     rows = (
-        (name.replace("_", " "), str(each["flown"]), *(f"{value:.1f}" for value in each["misfit"]))
+        (
+            column_words(name),
+            f"{percent(each['within_two'])} of {each['numbers']}",
+            str(each["beyond_four"]),
+            f"{each['distance']:.0f}",
+            "{:.0f} to {:.0f}".format(*each["honest"]),
+            str(each["flown"]),
+            "; ".join(f"{value:.0f}" for value in each["misfit"]),
+        )
         for name, each in found["best"].items()
     )
-    head = ("best setting for", "settings flown", "misfit at first", "after three quarters of them", "in the end")
+    head = ("best for", "within 2", "beyond 4", "distance", "consistent: median to 95 %", "flown", "misfit")
     yield table(head, rows)
+    first = next(iter(found["best"]))
+    far = found["best"][first].get("furthest", ())[:_FURTHEST]
+    if far:
+        told = "; ".join(f"{number_words(each['number'])} {deviation(each['residual'])}" for each in far)
+        yield f"Furthest from the best for {column_words(first)}: {told}.\n"
     yield _CELLS
-    for name, printed in found["tables"].items():
-        rows = ((row["label"], *_cells(row)) for row in printed["rows"])
-        title = f"{name.replace('_', ' ').capitalize()}: paper; best for the table; best for all"
-        yield folded(title, table(("", *printed["columns"]), rows))
+    for name, printed in found.get("tables", {}).items():
+        rows = ((row["label"], *_cells(row)) for row in printed["rows"] if row["label"] in _SHOWN)
+        columns = [column_words(f"{name} {column}").split(", ")[1].replace(" = ", "=") for column in printed["columns"]]
+        yield table((column_words(name), *columns), rows)
+
+
+def _searched(papers: Sequence[Mapping[str, Any]]) -> str:
+    """Return how near the search came to synthetic papers."""
+    names = list(papers[0]["tables"])
+    rows = []
+    for each in papers:
+        setting = "near this paper's" if each["near"] else "any of the prior"
+        if each["forged"]:
+            setting += f"; {column_words(each['forged'])} × 2"
+        reached = (each["tables"].get(name) for name in names)
+        rows.append((setting, *(f"{own['distance']:.0f} ({own['honest'][1]:.0f})" if own else "–" for own in reached)))
+    return table(("setting", *map(column_words, names)), rows)
 
 
 def _cells(row: Mapping[str, Any]) -> Iterator[str]:
-    names = ("paper", "alone", "alone_residual", "joint", "joint_residual")
-    for paper, alone, alone_off, joint, joint_off in zip(*(row[name] for name in names), strict=True):
-        yield f"{paper:.3f}; {alone:.3f} ({alone_off:+.1f}); {joint:.3f} ({joint_off:+.1f})"
+    printed, found = {"s": (0, 0), "m": (3, 2)}.get(row["unit"], (3, 3))
+    for paper, alone, off in zip(row["paper"], row["alone"], row["alone_residual"], strict=True):
+        yield f"{paper:.{printed}f}; {alone:.{found}f} ({deviation(off)})"
 
 
-def _unknowns(found: Mapping[str, Any]) -> Iterator[str]:
-    """Yield how well known settings are found again, and each unknown with its prior, best values and coverage."""
-    head, columns = ["unknown", "unit", "prior: choices, or 0, 5, 50, 95 and 100 %"], []
-    unknowns = found["bank"]["unknowns"]
-    columns += [[each["words"] for each in unknowns], [each["unit"] for each in unknowns], [*map(_law, unknowns)]]
-    for name, best in found.get("best", {}).items():
-        head.append(f"best for {name.replace('_', ' ')}")
-        columns.append([value if isinstance(value, str) else f"{value:.3g}" for value in best["settings"]])
-    if "checks" in found:
-        coverage = found["checks"]["coverage"]
-        least = min(each["contained"] for each in coverage["unknowns"])
-        head += [f"found again, of {coverage['papers']}", "width of the interval over the prior's"]
-        columns.append([str(each["contained"]) for each in coverage["unknowns"]])
-        columns.append([f"{each['width']:.2f}" for each in coverage["unknowns"]])
-        yield "### Settings found again\n"
-        yield _COVERED.format(**coverage, least=least)
-        if not coverage["passed"]:
-            yield "That is below the bound: intervals of settings from this bank are not to be relied on.\n"
-    yield folded("What is open, its prior, and what was found", table(head, zip(*columns, strict=True)))
-
-
-def _law(unknown: Mapping[str, Any]) -> str:
-    if "choices" in unknown:
-        return ", ".join(f"{name} ({part:.0%})" for name, part in unknown["choices"].items())
-    return ", ".join(f"{end:.3g}" for end in unknown["quantiles"])
-
-
-def _pulls(columns: Sequence[Mapping[str, Any]]) -> str:
-    rows = (
-        (
-            each["column"].replace("_", " ", 1),
-            f"{each['p_value']:.3f}",
-            ", ".join(f"{far['number'].split(' ', 2)[2]} ({far['deviations']:+.1f})" for far in each["furthest"]),
-        )
-        for each in columns
+def _pairs(found: Mapping[str, Any]) -> str:
+    middle, high = found["honest"]
+    least = "; ".join(
+        f"{number_words(each['first'])} and {number_words(each['second'])} (p = {each['p_value']:.1g})"
+        for each in found["pairs"][:_PULLING]
     )
-    return table(("column", "p", "furthest from what the others imply"), rows)
+    return _PAIRS.format(count=found["count"], limit=percent(found["limit"]), middle=middle, high=high, pairs=least)
 
 
-def _pairs(pairs: Sequence[Mapping[str, Any]]) -> str:
-    rows = ((each["first"], each["second"], f"{each['p_value']:.3f}", f"{each['deviations']:.1f}") for each in pairs)
-    return table(("number", "number", "p", "deviations"), rows)
-
-
-def _powers(forged: Mapping[str, Any]) -> str:
-    columns = forged["columns"]
-    factors = list(columns[0]["called_inconsistent"])
+def _columns(pulls: Sequence[Mapping[str, Any]], power: Mapping[str, Any]) -> Iterator[str]:
+    """Yield how each column goes with the others, and how surely one that does not would be seen."""
+    if pulls:
+        least = "; ".join(
+            f"{column_words(each['column'])} p = {each['p_value']:.1g} ({_furthest(each)})"
+            for each in sorted(pulls, key=lambda each: float(each["p_value"]))[:_WORST]
+        )
+        yield _COLUMNS.format(count=len(pulls), least=least)
+    if not power:
+        return
+    yield _POWER.format(
+        papers=power["papers"],
+        alarms=percent(power["false_alarm"], 1),
+        nominal=percent(power["nominal_false_alarm"]),
+        low=min(power["scatter"].values()),
+        high=max(power["scatter"].values()),
+    )
+    p_values = {each["column"]: f"{each['p_value']:.2g}" for each in pulls}
+    factors = [factor for factor in _FACTORS if factor in power["columns"][0]["called_inconsistent"]]
     rows = (
         (
-            each["column"].replace("_", " ", 1),
-            f"{forged['scatter'][each['column']]:.2f}",
+            column_words(each["column"]).replace(" = ", "="),
+            p_values.get(each["column"], "–"),
             *(f"{each['called_inconsistent'][factor]:.2f}" for factor in factors),
             f"{each['of_another_paper']:.2f}",
         )
-        for each in columns
+        for each in power["columns"]
     )
-    return table(("column", "scatter of a run", *(f"x {factor}" for factor in factors), "another paper's"), rows)
+    yield table(("column", "p", *(f"× {factor}" for factor in factors), "another's"), rows)
+
+
+def _furthest(column: Mapping[str, Any]) -> str:
+    far = column["furthest"][0]
+    return f"{far['number'].split(' ', 2)[2]} {deviation(far['deviations'])}"

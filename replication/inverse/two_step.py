@@ -170,7 +170,9 @@ def findings(bank: Bank, printed: Array) -> dict[str, Any]:
         Quantity("the start error over the better of the radar's errors", "", setting["start_position_m"] / across)
     )
     bend = setting["start_position_m"] ** 2 / (2 * setting["distance_m"]) / setting["range_sigma_m"]
-    told.append(Quantity("the bend of the range over the start error, in the range's standard deviations", "", bend))
+    told.append(
+        Quantity("the curvature of the range over the start error, in standard deviations of the range,", "", bend)
+    )
     none = np.empty((len(bank.u), 0), dtype=bool)
     by_claim = holds(bank.numbers)
     claims = {name: judged(mask, told, (), none) for name, mask in by_claim.items()}

@@ -155,7 +155,7 @@ def process_noise_orders_the_filters(measured: Measured) -> Experiment:
         "The Clohessy-Wiltshire equations leave out curvature and differential J2; the smaller the process noise, the "
         f"larger the bias that follows. The published biases z = {published['z']['ekf'][0]:.3f}, "
         f"{published['z']['ukf'][0]:.3f} and {published['z']['alpha_kf'][0]:.3f} m belong to process noises about a "
-        "hundred times apart, while the paper says that the filters had the same R and Q.",
+        "hundred times apart, while the paper says that the alpha filter and the UKF had the same R and Q.",
     )
     return Experiment("The process noise orders the filters", ("A1", "A2", "A3", "A4", "A5"), text, table)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.statistics.verdicts import mean_of_runs
+from relnav_sim.wording import significant
 from replication.built import built
 from replication.evidence import number_of
 from replication.kept import LARGEST, WINDOWS
@@ -170,8 +171,8 @@ def _what_is_learned(measured: Measured) -> Experiment:
         "A Gaussian process for the next state has to learn the Clohessy-Wiltshire equations too, which are known; one "
         "for their residual learns the perturbations alone.",
         f"As printed, from error-free states, the errors that hold 95 % of the time are {absolute:.2f} m and "
-        f"{absolute_v:.5f} m/s. Learning the residual from the radar's own track, which a flight filter can have, "
-        f"gives {residual:.3f} m and {residual_v:.5f} m/s.",
+        f"{significant(absolute_v, 2)} m/s. Learning the residual from the radar's own track, which a flight filter "
+        f"can have, gives {residual:.3f} m and {significant(residual_v, 2)} m/s.",
     )
     return Experiment("What is learned decides", ("B1", "B2"), text, table)
 
@@ -296,7 +297,7 @@ def _fair_baseline(measured: Measured) -> Experiment:
     text = (
         "The paper sets Q for one step to 1e-6 (m/s)² because perturbations are 1e-6 m/s²: 1 mm/s a step, a thousand "
         f"times what such an acceleration does in a second. With that Q an EKF's velocity error is {paper_q:.4f} m/s; "
-        f"with a tuned one an EKF over the Clohessy-Wiltshire equations has {r:.3f} m and {tuned:.5f} m/s, with "
-        "nothing learned.",
+        f"with a tuned one an EKF over the Clohessy-Wiltshire equations has {r:.3f} m and {significant(tuned, 2)} m/s, "
+        "with nothing learned.",
     )
     return Experiment("The process noise of the comparison is too large", ("B1", "B2", "B4"), text, table)

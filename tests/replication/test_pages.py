@@ -2,17 +2,21 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from relnav_sim.report.tables import Column, Number, Row, Table, Words
+from relnav_sim.statistics.intervals import Interval
 from replication import findings as findings_module
 from replication.committed import FOLDER, committed
 from replication.compose import summarised
+from replication.effects import Effect
+from replication.evidence import as_told
 from replication.evidence_page import evidence_page
-from replication.findings import possible, read_findings
+from replication.findings import only_if, possible, read_findings, share_of_settings
 from replication.html_page import html_page
 from replication.listed import deviation_table, literal_text
 from replication.measured import Measured
@@ -20,6 +24,7 @@ from replication.pages import markdown_page, verdict_in_words, verdict_lines
 from replication.papers import papers
 from replication.plan import PLAN
 from replication.reproduce import DOCS_FIGURES
+from replication.rules import Part
 from replication.summary import Claim, Experiment, PaperPart, Plot, Summary, written
 
 ROOT = Path(__file__).parents[2]
@@ -61,9 +66,8 @@ FINDINGS = {
             "A1": {
                 "probability": 0.02,
                 "interval": [0.01, 0.04],
-                "sentence": "possible only if e > 0.01; mostly where i is at least 90 deg",
-                "settings": [],
-                "choices": [{"name": "e", "choices": ["> 0.01"], "excluded": ["0"]}],
+                "settings": [{"name": "i", "interval": [90.2, 179.0], "side": "at least", "prior": 0.5, "unit": "deg"}],
+                "choices": [{"name": "e", "choices": ["> 0.01", "1"], "excluded": ["0"]}],
                 "conflicts": ["z mean of the EKF against r mean of the UKF"],
             }
         },
@@ -111,13 +115,46 @@ def test_the_page_of_evidence():
 def test_findings_of_the_inference_are_shown():
     summary = small_summary(findings=FINDINGS)
     page = markdown_page(summary)
-    assert "possible only if e &gt; 0.01 (2 % \\[1, 4\\])" in page
+    assert "possible only if e is &gt; 0.01 or 1 (2.0 % \\[1.0, 4.0\\] of settings)" in page
     assert "“the same R and Q”: no setting satisfies it (p = 0.0001)." in page
     assert "20000 (Shi et al. 2025)" in page and "(replication-settings.md)" in page
     assert "mostly where" not in page
     assert possible(FINDINGS, "B1") == ""
-    anywhere = {"claims": {"B1": {"probability": 0.5, "interval": [0.4, 0.6], "sentence": "possible", "choices": []}}}
-    assert possible({"mf_upf": anywhere}, "B1") == "50 % of settings [40, 60]"
+    anywhere = {"claims": {"B1": {"probability": 0.5, "interval": [0.4, 0.6], "choices": []}}}
+    assert possible({"mf_upf": anywhere}, "B1") == "50 % [40, 60] of settings"
+    nowhere = {"B1": {"probability": 0.0, "interval": [0.0, 0.0012], "choices": []}}
+    bank = {"bank": {"campaigns": 3000}, "claims": nowhere}
+    assert possible({"mf_upf": bank}, "B1") == "impossible: none of 3000 settings (at most 0.1 %)"
+    nowhere["B1"]["sentence"] = "impossible: of its own numbers"
+    assert possible({"mf_upf": bank}, "B1") == "impossible: of its own numbers"
+
+
+def test_a_condition_has_plain_words():
+    choices = [{"name": "the process noise", "choices": ["one for each filter"], "excluded": ["one for all"]}]
+    assert only_if({"choices": choices}) == "each filter has its own process noise"
+
+
+def test_digits_of_a_share_follow_its_interval():
+    assert share_of_settings({"probability": 0.083727, "interval": [0.08014, 0.08746]}) == "8.4 % [8.0, 8.7]"
+    assert share_of_settings({"probability": 0.9955, "interval": [0.99452, 0.9963]}) == "99.55 % [99.45, 99.63]"
+
+
+def test_what_is_many_times_larger_is_told_as_a_ratio():
+    """Thirty times as many outliers are no -2900 %; up to fourfold the percentage stays."""
+    part = Part("outliers, below that of b", "margin", ("a",), "r", "%", ("b",), published=50.0, at_least=25.0)
+    told, ratio = as_told(Effect(part, Interval(-2900.0, -5900.0, 120.0, 0.95, 100), "open"))
+    assert (told.what, told.unit) == ("outliers, over that of b", "\N{MULTIPLICATION SIGN}")
+    assert (told.published, told.at_most) == (0.5, 0.75)
+    assert told.at_least == -math.inf
+    assert (ratio.estimate, ratio.low, ratio.high, ratio.runs) == (30.0, 0.0, 60.0, 100)
+    near = Effect(part, Interval(-100.0, -300.0, 10.0, 0.95, 100), "fails")
+    assert as_told(near) == (part, near.interval)
+
+
+def test_no_percentage_of_the_pages_is_beyond_300():
+    for name in ("replication.md", "replication-evidence.md"):
+        for number in re.findall(r"(\d+(?:\.\d+)?) ?%", (DOCS / name).read_text(encoding="utf-8")):
+            assert float(number) <= 300, (name, number)
 
 
 def test_findings_may_be_missing_or_damaged(tmp_path):
@@ -143,7 +180,7 @@ def test_the_html_page_is_whole_and_escaped(tmp_path):
     (tmp_path / "fig.png").write_bytes(b"\x89PNG")
     page = html_page(small_summary(findings=FINDINGS), tmp_path)
     assert "no &lt;b&gt;" in page
-    assert "possible only if e &gt; 0.01" in page
+    assert "possible only if e is &gt; 0.01" in page
     assert "data:image/png;base64,iVBORw==" in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert page.count('id="A1"') == 1
@@ -203,9 +240,9 @@ def test_every_claim_is_judged(of_committed):
 
 def test_the_pages_speak_plainly():
     """Words that the pages must not use, since a reader who knows the field would stop at them."""
-    for name in ("replication.md", "replication-evidence.md"):
+    for name in ("replication.md", "replication-evidence.md", "replication-settings.md"):
         text = (DOCS / name).read_text(encoding="utf-8").lower()
-        for word in (" dice", " dies", "believes", "settled", "alternative reading", "leaves over"):
+        for word in (" dice", " dies", "believes", "settled", "alternative reading", "leaves over", "honest", "forge"):
             assert word not in text, (name, word)
 
 

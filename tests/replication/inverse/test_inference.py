@@ -78,7 +78,8 @@ def test_a_claims_condition_is_found(linear: Any) -> None:
     low, high = found["settings"][0]["interval"]
     assert 8 <= low < 8.3
     assert high > 9.7  # the lower or the upper tail of a twentieth is left out, or both
-    assert found["sentence"].startswith("possible mostly where first is ")
+    assert found["settings"][0]["name"] == "first"
+    assert not found["choices"]
     assert len(found["conflicts"]) == 1
     assert "row 1" in found["conflicts"][0]
     none = judged(np.zeros(4000, dtype=bool), told, linear.numbers[:2], met)
