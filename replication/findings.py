@@ -75,5 +75,5 @@ def sentence_lines(paper: Mapping[str, Any]) -> list[str]:
     for sentence in paper.get("sentences", ()):
         value = sentence.get("p_value")
         shown = f" (p = {value:.2g})" if value else ""
-        lines.append(f"“{sentence['text'].rstrip('.')}”: {sentence['verdict']}{shown}.")
+        lines.append(f"{sentence['text'].rstrip('.')}: {sentence['verdict']}{shown}.")
     return lines

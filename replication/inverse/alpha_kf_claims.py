@@ -122,7 +122,7 @@ SENTENCES: tuple[Sentence, ...] = (
         math.log(240 / 21),
     ),
     Sentence(
-        "EKF and UKF with the same R and Q differ: position errors 2.623 and 1.541 m.",
+        "EKF and UKF had the same R and Q too: position errors 2.623 and 1.541 m.",
         _common,
         lambda found: np.abs(np.log(_number(found, "table_2 ekf r mean") / _number(found, "table_2 ukf r mean"))),
         math.log(2.623 / 1.541),
