@@ -81,7 +81,7 @@ def power(test: ForgeryTest, numbers: Array) -> dict[str, Any]:
         return float(np.mean(test.p_values(papers) <= FALSE_ALARM))
 
     rows = []
-    for name, places in columns_of(test.numbers).items():
+    for name, places in columns_of(test.levels.numbers).items():
         each = [places] * len(numbers)
         found = {f"{by:g}": called(forged(numbers, each, np.full(len(numbers), by))) for by in FORGERIES}
         other = mixed(numbers, each, np.roll(numbers, 1, axis=0))

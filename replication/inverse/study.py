@@ -10,10 +10,10 @@ import numpy as np
 from relnav_sim.arrays import Array
 from replication.inverse.bank import Bank, Paper
 from replication.inverse.checks import PAPERS, coverage, power
-from replication.inverse.consistency import Consistency, columns_of
+from replication.inverse.consistency import TAUGHT, Consistency, columns_of
 from replication.inverse.forgery import ForgeryTest
 from replication.inverse.inference import Inference, features, interval
-from replication.inverse.local import like_papers
+from replication.inverse.local import like_papers, neighbours
 from replication.inverse.pairs import pulling
 from replication.inverse.prior import kinds
 from replication.inverse.refinement import nearest
@@ -21,8 +21,8 @@ from replication.inverse.refinement import nearest
 HELD_OUT = 0.09
 """Share of papers that nothing is learned from."""
 LEVEL = 0.90
-FURTHER, SCATTER_RUNS = 10_000, 20
-"""Papers of the bank that teach what a forgery is, and runs whose scatter is told beside it."""
+NEIGHBOURS, FURTHER, SCATTER_RUNS = 7, 10_000, 20
+"""Neighbours flown for each near paper, and papers of the bank, that teach what a forgery is; runs of a scatter."""
 
 
 def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str], None]) -> dict[str, Any]:
@@ -47,7 +47,10 @@ def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str
     alike, kind = alike[order], kinds(paper.unknowns, u[order])
     kept = len(alike) - max(int(HELD_OUT * len(alike)), 1)
     nearby = Consistency.learned(paper.numbers, features(paper, alike[:kept]), kind[:kept], bank.seed)
-    test = ForgeryTest.learned(paper.numbers, alike[:kept], _further(paper, bank, u), bank.seed)
+    near = int(TAUGHT * kept)
+    say(f"{paper.name}: papers that teach what a forgery is")
+    teaching = neighbours(paper, u[order][:near], NEIGHBOURS * near, bank.seed), _further(paper, bank, u)
+    test = ForgeryTest.learned(paper.numbers, alike[:near], alike[near:kept], np.concatenate(teaching), bank.seed)
     say(f"{paper.name}: pairs of numbers")
     seen, printed = features(paper, bank.numbers), features(paper, paper.printed[None])[0]
     pairs = pulling(paper.numbers, seen[:taught], printed, seen[held])

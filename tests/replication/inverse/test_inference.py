@@ -39,7 +39,7 @@ def test_intervals_contain_known_settings_and_are_as_narrow_as_can_be(linear: An
 
 def test_a_forged_column_is_inconsistent_and_honest_ones_are_not(linear: Any, flown: tuple[Array, Array]) -> None:
     _, numbers = flown
-    test = ForgeryTest.learned(linear.numbers, numbers[:600], numbers[600:1200], SEED)
+    test = ForgeryTest.learned(linear.numbers, numbers[:450], numbers[450:600], numbers[600:1200], SEED)
     found = power(test, numbers[BANK:])
     assert found["false_alarm"] <= binom.ppf(0.999, PAPERS, 0.05) / PAPERS
     by_column = {row["column"]: row["called_inconsistent"] for row in found["columns"]}
