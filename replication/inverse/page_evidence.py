@@ -94,6 +94,7 @@ def evidence(name: str, found: Mapping[str, Any]) -> Iterator[str]:
         yield "### Power against a forged column\n"
         yield _FORGED.format(**found["checks"]["forged"])
         yield _powers(found["checks"]["forged"])
+        yield from _powers_by_kind(found["checks"]["forged"].get("kinds", ()))
     yield from _unknowns(found)
 
 
@@ -186,3 +187,19 @@ def _powers(forged: Mapping[str, Any]) -> str:
         for each in columns
     )
     return table(("column", "scatter of a run", *(f"x {factor}" for factor in factors), "another paper's"), rows)
+
+
+def _powers_by_kind(kinds: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the mean over columns for papers of each kind, if papers are of several."""
+    if not kinds:
+        return
+    rows = ((each["kind"], str(each["papers"]), *(f"{part:.2f}" for part in _called(each))) for each in kinds)
+    yield "The mean over columns, by what divides papers most:\n"
+    head = ("papers with", "papers", "honest", *(f"x {factor}" for factor in kinds[0]["called_inconsistent"]))
+    yield table((*head, "another paper's"), rows)
+
+
+def _called(each: Mapping[str, Any]) -> Iterator[float]:
+    yield each["false_alarm"]
+    yield from each["called_inconsistent"].values()
+    yield each["of_another_paper"]
