@@ -56,6 +56,9 @@ column are multiplied by a factor, or are those of another such paper. Of those 
 forged in these two ways. The scatter is the factor by which all sizes in a column together differ from run to run of
 one setting (one standard deviation): no test can see much less.
 """
+_KNOWN = """In brackets: the power of a test that knows all settings and looks at the mean size in each column alone.
+One that does not know them can have more: columns share their noise.
+"""
 _COLUMNS = """The probability that a column of an honest paper like this one is as improbable given the other columns,
 and the numbers that are furthest from what the others imply, in standard deviations.
 """
@@ -94,6 +97,8 @@ def evidence(name: str, found: Mapping[str, Any]) -> Iterator[str]:
         yield "### Power against a forged column\n"
         yield _FORGED.format(**found["checks"]["forged"])
         yield _powers(found["checks"]["forged"])
+        if "known_settings" in found["checks"]["forged"]:
+            yield _KNOWN
         yield from _powers_by_kind(found["checks"]["forged"].get("kinds", ()))
     yield from _unknowns(found)
 
@@ -181,12 +186,19 @@ def _powers(forged: Mapping[str, Any]) -> str:
         (
             each["column"].replace("_", " ", 1),
             f"{forged['scatter'][each['column']]:.2f}",
-            *(f"{each['called_inconsistent'][factor]:.2f}" for factor in factors),
+            *(
+                f"{each['called_inconsistent'][factor]:.2f}{_known(forged, each['column'], factor)}"
+                for factor in factors
+            ),
             f"{each['of_another_paper']:.2f}",
         )
         for each in columns
     )
     return table(("column", "scatter of a run", *(f"x {factor}" for factor in factors), "another paper's"), rows)
+
+
+def _known(forged: Mapping[str, Any], column: str, factor: str) -> str:
+    return f" ({forged['known_settings'][column][factor]:.2f})" if "known_settings" in forged else ""
 
 
 def _powers_by_kind(kinds: Sequence[Mapping[str, Any]]) -> Iterator[str]:

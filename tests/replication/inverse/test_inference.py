@@ -12,6 +12,7 @@ from replication.inverse.claims import Quantity, judged, roughly_met, wilson
 from replication.inverse.consistency import Consistency
 from replication.inverse.forgery import ForgeryTest
 from replication.inverse.inference import Inference, features, interval
+from replication.inverse.local import MOVED, neighbours
 from replication.inverse.prior import dividing_choices, kinds
 from replication.inverse.scatter import column_scatter, power_if_known
 
@@ -52,6 +53,20 @@ def test_a_forged_column_is_inconsistent_and_honest_ones_are_not(linear: Any, fl
     whole = np.mean([row["3"] for row in by_column.values()])
     parts = [row["papers"] / PAPERS * row["called_inconsistent"]["3"] for row in kinds_found]
     assert sum(parts) == pytest.approx(whole)
+
+
+def test_neighbours_have_some_settings_between_those_of_two_papers(linear: Any) -> None:
+    """Moves of 0.5 (a - b) have a variance of 0.5 var, and a third of the settings, nearly, make them."""
+    same = np.tile([0.2, 0.4, 0.6], (50, 1))
+    unmoved = neighbours(linear, same, 130, SEED)
+    assert np.abs(unmoved - [3.2, 3.2, 3.2, 3.4, 3.4, 3.2]).max() < 5 * 0.1
+    np.testing.assert_array_equal(unmoved, neighbours(linear, same, 130, SEED))
+    apart = np.where(np.arange(100)[:, None] % 2 == 0, [0.4, 0.4, 0.1], [0.6, 0.6, 0.1])
+    found = neighbours(linear, apart, 3000, SEED)
+    # half of the moves are 0, the others +-0.1: between 0.3 and 0.7, and with the noise of 0.1
+    means = found[:, :3].mean(axis=1)
+    own = 0.1**2 + MOVED * 0.5 * 0.1**2 + 0.1**2 / 3
+    assert means.var() == pytest.approx(own, rel=4 * np.sqrt(2 / 3000))
 
 
 def test_the_scatter_of_a_column_is_that_of_its_mean_size(linear: Any) -> None:
