@@ -44,7 +44,7 @@ def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str
     if not len(paper.printed):
         return {"checks": {"coverage": covered}}
     u, alike = like_papers(paper, bank, rounds, each, bank.seed, say)
-    order = np.random.default_rng([bank.seed, 7]).permutation(len(alike))
+    order = np.random.default_rng([bank.seed, 12]).permutation(len(alike))
     alike, kind = alike[order], kinds(paper.unknowns, u[order])
     kept = len(alike) - max(int(HELD_OUT * len(alike)), 1)
     nearby = Consistency.learned(paper.numbers, features(paper, alike[:kept]), kind[:kept], bank.seed)
