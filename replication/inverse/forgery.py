@@ -3,8 +3,9 @@
 Where a classifier tells two kinds of papers apart by their probabilities, their ratio estimates the ratio of their
 densities (Hastie, Tibshirani and Friedman, The Elements of Statistical Learning, 2009, section 14.2.4), which is the
 best statistic there is. It sees the numbers and how far each column's level is from what the rest implies, which is
-nearly all of the ratio where the forgery is a factor, and which a regression learns from fewer papers. How forged an honest paper may look is calibrated on papers that the classifier has not seen
-(split conformal prediction: Vovk, Gammerman and Shafer, 2005), so that the rate of false alarms does not rest on it.
+nearly all of the ratio where the forgery is a factor, and which a regression learns from fewer papers. How forged an
+honest paper may look is calibrated on papers that the classifier has not seen (split conformal prediction: Vovk,
+Gammerman and Shafer, 2005), so that the rate of false alarms does not rest on it.
 """
 
 from __future__ import annotations
