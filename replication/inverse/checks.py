@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ PAPERS = 50
 LEVEL = 0.90
 FALSE_ALARM = 0.05
 FORGERIES = (0.33, 0.5, 0.67, 0.8, 1.25, 1.5, 2.0, 3.0)
+_NAMES = [f"{by:g}" for by in FORGERIES]
 
 
 def coverage(paper: Paper, inference: Inference, known: Array, numbers: Array) -> dict[str, Any]:
@@ -81,9 +83,12 @@ def power(test: ForgeryTest, numbers: Array) -> dict[str, Any]:
         return float(np.mean(test.p_values(papers) <= FALSE_ALARM))
 
     rows = []
-    for name, places in columns_of(test.numbers).items():
+    for name, places in columns_of(test.levels.numbers).items():
         each = [places] * len(numbers)
-        found = {f"{by:g}": called(forged(numbers, each, np.full(len(numbers), by))) for by in FORGERIES}
+        found = {
+            name: called(forged(numbers, each, np.full(len(numbers), by)))
+            for name, by in zip(_NAMES, FORGERIES, strict=True)
+        }
         other = mixed(numbers, each, np.roll(numbers, 1, axis=0))
         rows.append({"column": name, "called_inconsistent": found, "of_another_paper": called(other)})
     return {
@@ -92,3 +97,22 @@ def power(test: ForgeryTest, numbers: Array) -> dict[str, Any]:
         "false_alarm": called(numbers),
         "columns": rows,
     }
+
+
+def power_by_kind(test: ForgeryTest, numbers: Array, kinds: Mapping[str, Array]) -> list[dict[str, Any]]:
+    """Return the power, the mean over columns, for papers of each kind.
+
+    Args:
+        test: What honest papers have taught.
+        numbers: Numbers of papers held out of the bank, (papers, numbers).
+        kinds: Whether each paper is of a kind, (papers,), by the kind's name; kinds without a paper are left out.
+    """
+    rows = []
+    for name, own in kinds.items():
+        if own.any():
+            found = power(test, numbers[own])
+            columns = found.pop("columns")
+            called = {by: float(np.mean([row["called_inconsistent"][by] for row in columns])) for by in _NAMES}
+            other = float(np.mean([row["of_another_paper"] for row in columns]))
+            rows.append(found | {"kind": name, "called_inconsistent": called, "of_another_paper": other})
+    return rows

@@ -61,7 +61,7 @@ class Learned:
         )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)  # a limit on its time, not an error
-            network.fit(scales[0].scaled(inputs), scales[1].scaled(outputs))
+            network.fit(scales[0].scaled(inputs), scales[1].scaled(outputs).squeeze())
         return cls(*scales, network)
 
     def __call__(self, inputs: Array) -> Array:

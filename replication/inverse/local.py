@@ -16,6 +16,8 @@ from replication.inverse.table import compared
 
 STEP = 0.5
 """Size of a move over the distance between two settings that are near already."""
+MOVED = 0.3
+"""Share of the settings that a neighbour does not have in common with another paper."""
 
 
 def like_papers(
@@ -36,11 +38,7 @@ def like_papers(
     start = _nearest(paper, numbers, target, max(len(u) // 10, 10))
     u, numbers = u[start], numbers[start]
     for done in range(rounds):
-        generator = np.random.default_rng([seed, 5, done])
-        from_, first, second = generator.integers(len(u), size=(3, each))
-        moved = u[from_] + STEP * (u[first] - u[second])
-        moved = np.abs(moved) % 2  # reflected at 0 and 1
-        moved = np.clip(np.where(moved > 1, 2 - moved, moved), 0, 1 - 1e-9)
+        moved = _moved(u, each, np.random.default_rng([seed, 5, done]), share=1.0)
         seeds = [[seed, 6, done, n] for n in range(each)]
         flown = paper.flown(moved, seeds, 1)[:, 0]
         u, numbers = np.concatenate([u, moved]), np.concatenate([numbers, flown])
@@ -48,6 +46,28 @@ def like_papers(
         u, numbers = u[kept], numbers[kept]
         say(f"{paper.name}: round {done + 1} of {rounds} towards papers like the printed one")
     return u, numbers
+
+
+def neighbours(paper: Paper, u: Array, count: int, seed: int) -> Array:
+    """Return the numbers of papers, (count, numbers), each of which has some settings between those of u (n, unknowns).
+
+    Args:
+        paper: The paper.
+        u: Uniform numbers of settings.
+        count: How many are flown.
+        seed: Seed of moves and noise.
+    """
+    moved = _moved(u, count, np.random.default_rng([seed, 10]), share=MOVED)
+    blocks = [range(first, min(first + paper.block, count)) for first in range(0, count, paper.block)]
+    return np.concatenate([paper.flown(moved[own], [[seed, 11, n] for n in own], 1)[:, 0] for own in blocks])
+
+
+def _moved(u: Array, count: int, generator: np.random.Generator, share: float) -> Array:
+    """Return settings (count, unknowns) out of u (n, unknowns), a share of them moved along the way between two."""
+    from_, first, second = generator.integers(len(u), size=(3, count))
+    step = STEP * (u[first] - u[second])
+    moved = np.abs(u[from_] + np.where(generator.random(step.shape) < share, step, 0.0)) % 2  # reflected at 0 and 1
+    return np.clip(np.where(moved > 1, 2 - moved, moved), 0, 1 - 1e-9)
 
 
 def _nearest(paper: Paper, numbers: Array, target: Array, count: int) -> Indices:

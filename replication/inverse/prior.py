@@ -65,3 +65,13 @@ def kinds(unknowns: Sequence[Unknown], u: Array) -> Indices:
     if not dividing:
         return np.zeros(len(u), dtype=np.int64)
     return np.unique(np.stack(dividing, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def dividing_choices(unknowns: Sequence[Unknown], u: Array) -> dict[str, Array]:
+    """Return which settings u (n, unknowns) have each choice that divides papers, (n,), by its name."""
+    return {
+        f"{unknown.words}: {choice}": unknown.law(u[:, place]) == k
+        for place, unknown in enumerate(unknowns)
+        if unknown.divides
+        for k, choice in enumerate(unknown.choices)
+    }

@@ -9,20 +9,21 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from replication.inverse.bank import Bank, Paper
-from replication.inverse.checks import PAPERS, coverage, power
-from replication.inverse.consistency import Consistency, columns_of
+from replication.inverse.checks import FALSE_ALARM, FORGERIES, PAPERS, coverage, power, power_by_kind
+from replication.inverse.consistency import TAUGHT, Consistency
 from replication.inverse.forgery import ForgeryTest
 from replication.inverse.inference import Inference, features, interval
-from replication.inverse.local import like_papers
+from replication.inverse.local import like_papers, neighbours
 from replication.inverse.pairs import pulling
-from replication.inverse.prior import kinds
+from replication.inverse.prior import dividing_choices, kinds
 from replication.inverse.refinement import nearest
+from replication.inverse.scatter import column_scatter, power_if_known
 
 HELD_OUT = 0.09
 """Share of papers that nothing is learned from."""
 LEVEL = 0.90
-FURTHER, SCATTER_RUNS = 10_000, 20
-"""Papers of the bank that teach what a forgery is, and runs whose scatter is told beside it."""
+NEIGHBOURS, FURTHER = 7, 10_000
+"""Neighbours flown for each near paper, and papers of the bank, that teach what a forgery is."""
 
 
 def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str], None]) -> dict[str, Any]:
@@ -43,15 +44,19 @@ def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str
     if not len(paper.printed):
         return {"checks": {"coverage": covered}}
     u, alike = like_papers(paper, bank, rounds, each, bank.seed, say)
-    order = np.random.default_rng([bank.seed, 7]).permutation(len(alike))
+    order = np.random.default_rng([bank.seed, 12]).permutation(len(alike))
     alike, kind = alike[order], kinds(paper.unknowns, u[order])
     kept = len(alike) - max(int(HELD_OUT * len(alike)), 1)
     nearby = Consistency.learned(paper.numbers, features(paper, alike[:kept]), kind[:kept], bank.seed)
-    test = ForgeryTest.learned(paper.numbers, alike[:kept], _further(paper, bank, u), bank.seed)
+    near = int(TAUGHT * kept)
+    say(f"{paper.name}: papers that teach what a forgery is")
+    teaching = neighbours(paper, u[order][:near], NEIGHBOURS * near, bank.seed), _further(paper, bank, u)
+    test = ForgeryTest.learned(paper.numbers, alike[:near], alike[near:kept], np.concatenate(teaching), bank.seed)
     say(f"{paper.name}: pairs of numbers")
     seen, printed = features(paper, bank.numbers), features(paper, paper.printed[None])[0]
     pairs = pulling(paper.numbers, seen[:taught], printed, seen[held])
     say(f"{paper.name}: checking on synthetic papers")
+    scatter = column_scatter(paper, bank.u[nearest(paper, bank, paper.printed)[:PAPERS]], bank.seed)
     return {
         "pairs": pairs,
         "inferred": {
@@ -61,7 +66,12 @@ def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str
         },
         "checks": {
             "coverage": covered,
-            "forged": power(test, alike[kept:]) | {"scatter": column_scatter(paper, bank)},
+            "forged": power(test, alike[kept:])
+            | {
+                "kinds": power_by_kind(test, alike[kept:], dividing_choices(paper.unknowns, u[order][kept:])),
+                "scatter": {name: float(np.exp(np.median(spread))) for name, spread in scatter.items()},
+                "known_settings": power_if_known(scatter, FORGERIES, FALSE_ALARM),
+            },
         },
     }
 
@@ -71,23 +81,6 @@ def _further(paper: Paper, bank: Bank, u: Array) -> Array:
     found = {row.tobytes() for row in u}
     order = nearest(paper, bank, paper.printed)
     return bank.numbers[[row for row in order if bank.u[row].tobytes() not in found][:FURTHER]]
-
-
-def column_scatter(paper: Paper, bank: Bank) -> dict[str, float]:
-    """Return by which factor single runs of one setting scatter in the sizes of a column as a whole, column by column.
-
-    It is the median over the bank's `PAPERS` settings nearest to the printed numbers. A forgery by a smaller factor is
-    within what a run does by chance.
-    """
-    u = bank.u[nearest(paper, bank, paper.printed)[:PAPERS]]
-    least = np.array([number.digit for number in paper.numbers]) / 2
-    size = np.maximum(paper.flown(u, [[bank.seed, 9, row] for row in range(len(u))], SCATTER_RUNS), least)
-    sized = [place for place, number in enumerate(paper.numbers) if not number.signed]
-    scatter = {}
-    for name, places in columns_of(paper.numbers).items():
-        whole = np.log(size[:, :, np.intersect1d(places, sized)]).mean(axis=2)
-        scatter[name] = float(np.exp(np.median(whole.std(axis=1, ddof=1))))
-    return scatter
 
 
 def _inferred(paper: Paper, inference: Inference) -> list[dict[str, Any]]:
