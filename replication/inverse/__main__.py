@@ -69,7 +69,7 @@ def infer(
     ] = None,
     batches: Annotated[
         int, typer.Option(metavar="N", help="Batches of starts that a search for a best setting has at most.", min=1)
-    ] = 4,
+    ] = 3,
     findings: FindingsOption = FILE,
 ) -> None:
     """Judge claims and sentences by the bank, and search the setting that comes nearest to all printed numbers."""

@@ -90,7 +90,7 @@ def evidence(name: str, found: Mapping[str, Any]) -> Iterator[str]:
     if "searched" in found:
         yield "### Known settings searched\n"
         yield _SEARCHED
-        yield _searched(found["searched"])
+        yield searched_table(found["searched"])
     if "pairs" in found:
         middle, high = found["pairs"]["honest"]
         yield "### Printed numbers that pull against each other\n"
@@ -133,7 +133,7 @@ def _best(found: Mapping[str, Any]) -> Iterator[str]:
         yield folded(title, table(("", *printed["columns"]), rows))
 
 
-def _searched(searched: Sequence[Mapping[str, Any]]) -> str:
+def searched_table(searched: Sequence[Mapping[str, Any]]) -> str:
     """Return how near the search came to synthetic papers."""
     names = list(searched[0]["tables"])
     rows = []
