@@ -41,7 +41,8 @@ Pairs with p of {limit:.0%} or less: {count}; papers held out of the bank have {
 _SEARCH = """The search starts from the settings of the bank that come nearest. In each round single settings move
 across their range, Fisher scoring steps follow, and the worse half of the starts is dropped. Batches of starts follow
 until one lowers the misfit by less than 1 % of its whole fall. All fly with the same noise. The misfit is -2 log
-likelihood; "at first" is the least of the bank's settings, before any has moved.
+likelihood; "at first" is the least of the bank's settings, before any has moved. Other starts end at other misfits: the
+least found need not be the least there is.
 """
 _SEARCHED = """The same search on papers that relnav has made in a known setting, which the search has not been told and
 the bank has lost. Distances are read as above: of the paper to the best setting found, and in brackets that which 95 %
