@@ -59,9 +59,9 @@ def infer(
     size: Annotated[
         int | None, typer.Option(metavar="N", help="Settings of the bank to use.", show_default="all")
     ] = None,
-    turns: Annotated[
-        int, typer.Option(metavar="N", help="How often a search for a best setting improves it at most.", min=1)
-    ] = 12,
+    batches: Annotated[
+        int, typer.Option(metavar="N", help="Batches of starts that a search for a best setting has at most.", min=1)
+    ] = 3,
     findings: FindingsOption = FILE,
 ) -> None:
     """Judge claims and sentences by the bank, and search the setting that comes nearest to all printed numbers."""
@@ -70,7 +70,7 @@ def infer(
     from replication.inverse.judging import judged_paper
 
     made = _paper(paper)
-    add_findings(paper, judged_paper(made, read(made, out / paper, size), turns, _say), findings)
+    add_findings(paper, judged_paper(made, read(made, out / paper, size), batches, _say), findings)
     say(f"wrote {findings}")
 
 

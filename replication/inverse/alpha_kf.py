@@ -11,7 +11,7 @@ from replication.inverse.alpha_kf_flight import QUICK, TABLES, Flown, flights
 from replication.inverse.alpha_kf_numbers import NUMBERS, numbers, printed
 from replication.inverse.alpha_kf_outcomes import OUTCOMES, outcomes
 from replication.inverse.alpha_kf_truth import motion
-from replication.inverse.alpha_kf_unknowns import COLUMNS, UNKNOWNS
+from replication.inverse.alpha_kf_unknowns import COLUMNS, SEEN_BY, UNKNOWNS
 from replication.inverse.prior import Unknown, values
 from replication.inverse.table import Number
 from replication.papers import papers
@@ -56,6 +56,12 @@ class AlphaKf:
                 own, first, base = (place[f"{kind}_{name}"] for name in (column, first_column, f"{column[:-1]}2"))
                 acting[:, own] = np.choose(sharing.astype(int), [u[:, first], u[:, base], u[:, own]])
         return acting
+
+    @property
+    def acting(self) -> Indices:
+        """The unknowns that act on the flown tables where each filter has a process noise of its own."""
+        seen = [set(self._flown) & set(SEEN_BY.get(unknown.name, self._flown)) for unknown in UNKNOWNS]
+        return np.array([k for k, unknown in enumerate(UNKNOWNS) if seen[k] and unknown.name != "sharing"])
 
     @property
     def groups(self) -> Sequence[tuple[Indices, Indices]]:

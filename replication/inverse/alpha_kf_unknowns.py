@@ -17,8 +17,10 @@ ORBIT = (
     Unknown("period_s", "s", "the chief's period", uniform(5700, 6300)),
     Unknown("eccentricity", "", "the chief's eccentricity", or_else(0.2, 0.0, log_uniform(1e-4, 3e-2)), True),
     Unknown("inclination_deg", "deg", "the chief's inclination", uniform(0.5, 110)),
-    Unknown("latitude_argument_deg", "deg", "the chief's argument of latitude at the start", uniform(0, 360)),
-    Unknown("true_anomaly_deg", "deg", "the chief's true anomaly at the start", uniform(0, 360)),
+    Unknown(
+        "latitude_argument_deg", "deg", "the chief's argument of latitude at the start", uniform(0, 360), wraps=True
+    ),
+    Unknown("true_anomaly_deg", "deg", "the chief's true anomaly at the start", uniform(0, 360), wraps=True),
 )
 DIRECTION = (
     Unknown("ahead", "", "the deputy", choice((1, 1)), choices=("behind", "ahead")),
@@ -28,10 +30,10 @@ DIRECTION = (
         "the share of the 12 km that is an ellipse in the orbit plane",
         or_else(0.5, 0.0, uniform(0, 1)),
     ),
-    Unknown("in_plane_phase_deg", "deg", "the phase of that ellipse", uniform(0, 360)),
+    Unknown("in_plane_phase_deg", "deg", "the phase of that ellipse", uniform(0, 360), wraps=True),
     Unknown("cross_share", "", "the share of the 12 km that is across the plane", or_else(0.5, 0.0, uniform(0, 1))),
     Unknown("drift_m", "m", "the drift along the track in a revolution", or_else(0.5, 0.0, uniform(-1000, 1000))),
-    Unknown("cross_phase_deg", "deg", "the phase of the oscillation across the plane", uniform(0, 360)),
+    Unknown("cross_phase_deg", "deg", "the phase of the oscillation across the plane", uniform(0, 360), wraps=True),
 )
 READINGS = (
     Unknown("sigma_interpretation", "", "what Table 1 lists", choice((3, 1)), choices=("3 sigma", "1 sigma")),
@@ -112,3 +114,12 @@ STATISTICS = (
 )
 
 UNKNOWNS: tuple[Unknown, ...] = (*ORBIT, *DIRECTION, *READINGS, *FILTERS, *STATISTICS)
+
+SEEN_BY = {
+    "mixture_share": (3, 4),
+    "told_mixture": (3, 4),
+    **dict.fromkeys(("bias_channel", "azimuth_sign", "elevation_sign", "bias_interpretation"), (4,)),
+    **dict.fromkeys(("limit_kind", "limit_m", "limit_ratio"), (2,)),
+    **{f"{kind}_{c}": (int(c[-1]),) for kind in ("acceleration_psd", "velocity_psd") for c in COLUMNS},
+}
+"""Tables on which an unknown acts, of those that do not act on all."""

@@ -56,6 +56,10 @@ class Paper(Protocol):
         """Return uniform numbers (n, unknowns) with those in place that act where settings share a value."""
 
     @property
+    def acting(self) -> Indices:
+        """The unknowns that act on any number once `apart` has moved settings."""
+
+    @property
     def groups(self) -> Sequence[tuple[Indices, Indices]]:
         """Groups of numbers, and the unknowns that act on this group alone once `apart` has moved settings."""
 
@@ -82,6 +86,7 @@ class WithoutTables:
     groups: Sequence[tuple[Indices, Indices]] = ()
     tables: Mapping[str, Paper] = MappingProxyType({})
     outcomes: Sequence[str] = ()
+    acting = np.empty(0, dtype=np.int64)
 
     @abstractmethod
     def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:

@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from relnav_sim.arrays import Array, Indices
+from relnav_sim.arrays import Array
 from replication.inverse import alpha_kf_claims, mf_upf, mf_upf_learned, two_step
-from replication.inverse.bank import Bank, Paper, of_table
-from replication.inverse.descent import distance
+from replication.inverse.bank import Bank, Paper
 from replication.inverse.findings import table_rows
+from replication.inverse.misfit import distance
 from replication.inverse.prior import Unknown, values
-from replication.inverse.refinement import Fit, best_fit, continued, honest_residuals
+from replication.inverse.refinement import HONEST, Fit, best_fits, honest_residuals, places_of
+from replication.inverse.synthetic import searched
 
-FAR, HONEST = 4.0, 50
+FAR = 4.0
 CLAIMS = {
     "alpha_kf": alpha_kf_claims.findings,
     "mf_upf": mf_upf.findings,
@@ -24,40 +25,21 @@ CLAIMS = {
 }
 
 
-def judged_paper(paper: Paper, bank: Bank, turns: int, say: Callable[[str], None]) -> dict[str, Any]:
+def judged_paper(paper: Paper, bank: Bank, batches: int, say: Callable[[str], None]) -> dict[str, Any]:
     """Return bank, claims, sentences and tables of a paper as the file of findings has them."""
     found = CLAIMS[paper.name](bank, paper.printed)
     found["bank"] = bank_summary(paper, bank)
     found["tables"] = {}
     if len(paper.printed):
-        fits = best_fits(paper, bank, turns, say)
+        fits = best_fits(paper, bank, paper.printed, batches, bank.seed, say, list(paper.tables))
         found["tables"] = table_rows(paper, fits)
         honest = distance(honest_residuals(paper, bank, paper.printed, HONEST, bank.seed))
         found["best"] = {
-            name: best_of(paper.tables.get(name, paper), fit, honest[:, _places(paper, name)])
+            name: best_of(paper.tables.get(name, paper), fit, honest[:, places_of(paper, name)])
             for name, fit in fits.items()
         }
+        found["searched"] = searched(paper, bank, batches, say)
     return found
-
-
-def best_fits(paper: Paper, bank: Bank, turns: int, say: Callable[[str], None]) -> dict[str, Fit]:
-    """Return the best setting for all tables, and for each alone.
-
-    The search for all also starts from those for each, and these are searched on from that for all and further starts.
-    """
-    alone: dict[str, Fit] = {}
-    for name, table in paper.tables.items():
-        alone[name] = best_fit(table, of_table(bank, paper, table), table.printed, turns, bank.seed, say)
-    joint = best_fit(paper, bank, paper.printed, turns, bank.seed, say, [fit.u for fit in alone.values()])
-    for name, table in paper.tables.items():
-        own = of_table(bank, paper, table)
-        alone[name] = continued(alone[name], table, own, table.printed, turns, bank.seed, say, [joint.u])
-    return {"all tables": joint} | alone
-
-
-def _places(paper: Paper, name: str) -> Indices:
-    of = paper.tables.get(name, paper).numbers
-    return np.array([paper.numbers.index(number) for number in of])
 
 
 def bank_summary(paper: Paper, bank: Bank) -> dict[str, Any]:
@@ -104,16 +86,14 @@ def best_of(paper: Paper, fit: Fit, honest: Array) -> dict[str, Any]:
         unknown.choices[int(value[0])] if unknown.choices else float(value[0])
         for unknown, value in zip(paper.unknowns, found, strict=True)
     ]
-    flown, misfit = zip(*fit.history, strict=True)
-    before = int(np.searchsorted(flown, 0.75 * flown[-1], side="right")) - 1
     return {
         "settings": told,
         "numbers": len(paper.numbers),
         "within_two": float(np.mean(np.abs(fit.residual) <= 2)),
         "beyond_four": len(far),
         "furthest": far[:12],
-        "distance": float(distance(fit.residual).sum()),
+        "distance": fit.distance,
         "honest": [float(each) for each in np.quantile(honest.sum(axis=1), (0.5, 0.95))],
-        "flown": flown[-1],
-        "misfit": [misfit[0], misfit[before], misfit[-1]],
+        "flown": fit.flown,
+        "misfit": list(fit.misfit),
     }

@@ -78,7 +78,7 @@ def evidence(name: str, found: Mapping[str, Any]) -> Iterator[str]:
         yield from _best(found)
     if found.get("searched"):
         yield _SEARCHED
-        yield _searched(found["searched"])
+        yield searched_table(found["searched"])
     if "pairs" in found:
         yield _pairs(found["pairs"])
     yield from _columns(found.get("inferred", {}).get("columns", ()), found.get("checks", {}).get("forged", {}))
@@ -139,7 +139,7 @@ def _best(found: Mapping[str, Any]) -> Iterator[str]:
         yield table((column_words(name), *columns), rows)
 
 
-def _searched(papers: Sequence[Mapping[str, Any]]) -> str:
+def searched_table(papers: Sequence[Mapping[str, Any]]) -> str:
     """Return how near the search came to synthetic papers."""
     names = list(papers[0]["tables"])
     rows = []

@@ -22,6 +22,7 @@ class Unknown:
         logarithmic: Whether its size, not its value, is what counts.
         choices: Names of its values, which then count from 0; () for a number.
         divides: Whether papers with different choices are so unlike that their density is learned for each choice.
+        wraps: Whether it is an angle: the end of its range is its beginning.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Unknown:
     logarithmic: bool = False
     choices: tuple[str, ...] = ()
     divides: bool = False
+    wraps: bool = False
 
 
 def uniform(low: float, high: float) -> Callable[[Array], Array]:

@@ -31,6 +31,7 @@ class Linear:
     )
     printed = np.array([0.5, 0.5, 0.5, 0.7, 0.7, 0.7])
     groups = ((np.array([3, 4]), np.array([1])),)
+    acting = np.arange(3)
 
     def effective(self, u: Array) -> Array:
         """Return the uniform numbers as they are."""

@@ -94,3 +94,16 @@ def test_shared_values_act_everywhere() -> None:
     assert (np.ptp(psd[sharing == 0], axis=1) == 0).all()
     assert (psd[sharing == 1][:, 0] == psd[sharing == 1][:, 1]).all()
     assert (psd[sharing == 2][:, 0] != psd[sharing == 2][:, 1]).all()
+
+
+@pytest.mark.parametrize("table", [2, 3, 4])
+def test_what_does_not_act_on_a_table_changes_none_of_its_numbers(table: int) -> None:
+    paper = AlphaKf((table,))
+    u = paper.apart(settings(paper, 4, 0, 1))
+    still = np.setdiff1d(np.arange(len(paper.unknowns)), paper.acting)
+    moved = np.repeat(u, 1 + len(still), axis=0)
+    for row, place in enumerate(still, 1):
+        moved[row, place] = 1 - moved[row, place]
+    seen = paper.flown(paper.apart(moved), [[6]] * len(moved), 1)
+    np.testing.assert_array_equal(seen, np.broadcast_to(seen[0], seen.shape))
+    assert len(still) > 10
