@@ -51,10 +51,13 @@ class InOneGo:
         """Return the belief after as many epochs from column k on as can be taken, and how many these are."""
         assert self._take is not None, "it goes on"
         room = self._mean[k:], self._covariance[k:], *self._innovations.room(k)
-        taken = self._take(belief, Stretch(self._z[k:], self._read[k:], *room), self._first_epoch + k)
+        stretch = Stretch(self._z[k:], self._read[k:], *room)
+        taken = self._take(belief, stretch, self._first_epoch + k)
         self.goes_on = taken is not None
         if not taken:
             return belief, 0
+        if self._read[k : k + taken].any():
+            self._innovations.add_extras(k, {name: extra[:taken] for name, extra in stretch.extras.items()})
         # A copy: the history of a run that has failed is changed later.
         last = k + taken - 1
         return Gaussian(self._mean[last].copy(), self._covariance[last].copy()), taken

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import normals as normals
     from relnav_sim.kernels import orbits as orbits
     from relnav_sim.kernels import particles as particles
+    from relnav_sim.kernels import point_step as point_step
     from relnav_sim.kernels import proposal as proposal
     from relnav_sim.kernels import ranging as ranging
     from relnav_sim.kernels import relative_flow as relative_flow

@@ -80,6 +80,16 @@ def singular(S: Array, L: Array, b: int) -> bool:
 
 
 @inner
+def loses(S: Array, R: Array, L: Array, read: Mask, first: int, used: int) -> bool:
+    """Return whether a lane that is read, (runs,), has an S that is `WIDE` or as good as singular."""
+    if doubtful(S, R, L, used):
+        for b in range(used):
+            if read[first + b] and (singular(S, L, b) or exceeds(S, R, b, WIDE)):
+                return True
+    return False
+
+
+@inner
 def places(found: Mask) -> Indices:
     """Return the places (few,) where something is found, in order."""
     count = 0

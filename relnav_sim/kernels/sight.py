@@ -212,6 +212,12 @@ def linearise(x: Array, used: int, M: Array, P: Array, variances: Array, w: Arra
     seen(x.T, 0, used, M, s)
     subtract_spherical(s, used, room, w)
     derivatives(s, used, M, h)
+    noise_along(s, used, P, variances, r)
+
+
+@inner
+def noise_along(s: Array, used: int, P: Array, variances: Array, r: Array) -> None:
+    """Set r (3, 3, LANES) to the noise along the lines of sight s."""
     if P.any():
         covariance(s, used, P, variances, r)
         mirror(r, used, r)
