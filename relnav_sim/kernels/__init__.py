@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import resampling as resampling
     from relnav_sim.kernels import reweighting as reweighting
     from relnav_sim.kernels import roots as roots
+    from relnav_sim.kernels import sample_step as sample_step
     from relnav_sim.kernels import sampling as sampling
     from relnav_sim.kernels import sight as sight
     from relnav_sim.kernels import sigma_points as sigma_points

@@ -19,6 +19,9 @@ from relnav_sim.kernels.linearised_step import room, update
 from relnav_sim.kernels.point_step import TRANSFORM, Transform
 from relnav_sim.kernels.point_step import room as room_for_points
 from relnav_sim.kernels.point_step import update as update_by_points
+from relnav_sim.kernels.sample_step import TEMPERED, Tempered
+from relnav_sim.kernels.sample_step import room as room_for_samples
+from relnav_sim.kernels.sample_step import update as update_by_samples
 
 _GIVEN = (given(2), given(3), given(3), given(3), given(3), given(2, flag), flag, given(2), given(2), given(2))
 _FILLED = (written(3), written(4), written(2), written(2), written(3))
@@ -77,7 +80,7 @@ def filtered(
         load_vectors(m, block * LANES, min(LANES, runs - block * LANES), X[block])
         load(P, block * LANES, min(LANES, runs - block * LANES), C[block])
     y, q, fp, w = np.empty((n, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES)), np.empty((3, LANES))
-    rooms = room(n)
+    rooms = room(n, settings)
     for k in range(K):
         F_k, Q_k = F[k if len(F) > 1 else 0], Q[k if len(Q) > 1 else 0]
         for block in range(blocks):
@@ -134,6 +137,29 @@ def filtered_by_points(
     extras: Array,
 ) -> int:
     """Do the same by the unscented Kalman filter."""
+    return 0
+
+
+@kernel_like(filtered, *_GIVEN, TEMPERED, *_FILLED, wide=True, room=room_for_samples, update=update_by_samples)
+def filtered_by_samples(
+    m: Array,
+    P: Array,
+    F: Array,
+    Q: Array,
+    z: Array,
+    read: Mask,
+    converted: bool,
+    M: Array,
+    A: Array,
+    c: Array,
+    settings: Tempered,
+    means: Array,
+    covariances: Array,
+    nis: Array,
+    log_likelihood: Array,
+    extras: Array,
+) -> int:
+    """Do the same by the alpha-divergence filter of fixed samples; extras are those of `sample_step.update`."""
     return 0
 
 

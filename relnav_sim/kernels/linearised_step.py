@@ -14,7 +14,7 @@ from relnav_sim.kernels.sight import linearise
 
 
 @inner
-def room(n: int) -> tuple[Array, ...]:
+def room(n: int, settings: float) -> tuple[Array, ...]:
     """Return room for `update` of n states."""
     zero, square = np.zeros((3, n, LANES)), np.zeros((3, 3, LANES))
     return zero, square, np.empty((3, 3, LANES)), np.zeros((3, 3, LANES)), np.empty((3, n, LANES))

@@ -39,7 +39,7 @@ TRANSFORM = record(Transform, number, number, number)
 
 
 @inner
-def room(n: int) -> tuple[Array, ...]:
+def room(n: int, settings: Transform) -> tuple[Array, ...]:
     """Return room for `update` of n states."""
     L_P, offsets = np.zeros((n, n, LANES)), np.zeros((2 * n, n, LANES))
     point, s, d, z = np.empty((3, LANES)), np.empty((3, LANES)), np.empty((2 * n, 3, LANES)), np.empty((3, LANES))

@@ -11,6 +11,7 @@ from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.by_epoch import LinearByEpoch
 from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.dynamics.white_noise import AddedNoise
+from relnav_sim.filters.alpha_kf import AlphaKalmanFilter, AlphaOptions
 from relnav_sim.filters.ekf import ExtendedKalmanFilter, ExtendedOptions
 from relnav_sim.filters.kalman import KalmanFilter, KalmanOptions
 from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
@@ -42,6 +43,13 @@ class ByStepLinear(KalmanFilter):
 
 class ByStepPoints(UnscentedKalmanFilter):
     """The unscented filter, likewise."""
+
+    def correct(self, belief, z, step):
+        return super().correct(belief, z, step)
+
+
+class ByStepSamples(AlphaKalmanFilter):
+    """The alpha-divergence filter, likewise."""
 
     def correct(self, belief, z, step):
         return super().correct(belief, z, step)
@@ -81,7 +89,8 @@ def readings(measurement, seed=3, sigmas=SIGMAS):
 
 EXTENDED = (ExtendedKalmanFilter, ByStep), ExtendedOptions()
 UNSCENTED = (UnscentedKalmanFilter, ByStepPoints), UnscentedOptions(alpha=0.7, beta=1.5, kappa=0.5)
-OTHERS = [UNSCENTED]
+SAMPLED = (AlphaKalmanFilter, ByStepSamples), AlphaOptions(samples=200, sampling="fixed", alpha=0.3)
+OTHERS = [UNSCENTED, SAMPLED]
 
 
 def compare(z, mean0, cov0=P0, dynamics=None, measurement=None, filters=EXTENDED):
