@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import ranging as ranging
     from relnav_sim.kernels import relative_flow as relative_flow
     from relnav_sim.kernels import resampling as resampling
+    from relnav_sim.kernels import reweighted_step as reweighted_step
     from relnav_sim.kernels import reweighting as reweighting
     from relnav_sim.kernels import roots as roots
     from relnav_sim.kernels import sample_step as sample_step

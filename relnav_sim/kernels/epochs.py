@@ -19,6 +19,9 @@ from relnav_sim.kernels.linearised_step import room, update
 from relnav_sim.kernels.point_step import TRANSFORM, Transform
 from relnav_sim.kernels.point_step import room as room_for_points
 from relnav_sim.kernels.point_step import update as update_by_points
+from relnav_sim.kernels.reweighted_step import STUDENT_T, StudentT
+from relnav_sim.kernels.reweighted_step import room as room_for_student_t
+from relnav_sim.kernels.reweighted_step import update as update_by_student_t
 from relnav_sim.kernels.sample_step import TEMPERED, Tempered
 from relnav_sim.kernels.sample_step import room as room_for_samples
 from relnav_sim.kernels.sample_step import update as update_by_samples
@@ -160,6 +163,29 @@ def filtered_by_samples(
     extras: Array,
 ) -> int:
     """Do the same by the alpha-divergence filter of fixed samples; extras are those of `sample_step.update`."""
+    return 0
+
+
+@kernel_like(filtered, *_GIVEN, STUDENT_T, *_FILLED, room=room_for_student_t, update=update_by_student_t)
+def filtered_by_student_t(
+    m: Array,
+    P: Array,
+    F: Array,
+    Q: Array,
+    z: Array,
+    read: Mask,
+    converted: bool,
+    M: Array,
+    A: Array,
+    c: Array,
+    settings: StudentT,
+    means: Array,
+    covariances: Array,
+    nis: Array,
+    log_likelihood: Array,
+    extras: Array,
+) -> int:
+    """Do the same by the extended filter with Student-t noise; extras are those of `reweighted_step.update`."""
     return 0
 
 

@@ -25,7 +25,7 @@ from relnav_sim.kernels.lanes import (
     product_by_transpose,
 )
 from relnav_sim.kernels.sampling import CHUNK, EXACT, SAMPLES, regress, split, square_linear, take_moments
-from relnav_sim.kernels.scores import score, singular
+from relnav_sim.kernels.scores import lost_before, score, singular
 from relnav_sim.kernels.sight import linearise, square_errors
 
 
@@ -117,7 +117,7 @@ def update(
     for b in range(used):
         if read[first + b]:
             extras[0, first + b] = _weigh(b, z, w, x, W, g, converted, M, tempered, of_run, a, C)
-            extras[1, first + b] = 1.0 if _lost(p, b) else 0.0
+            extras[1, first + b] = 1.0 if lost_before(p, b) else 0.0
     regress(g, a, C, used, cg, x, short)
     for b in range(used):
         usable = extras[0, first + b] > tempered.fewest and _finite(short, b)
@@ -160,15 +160,6 @@ def _weigh(
         for j in range(3):
             C[i, j, b] = covariance[i, j]
     return ess
-
-
-@inner
-def _lost(P: Array, b: int) -> bool:
-    """Return whether no variance of lane b is a number."""
-    lost = True
-    for i in range(len(P)):
-        lost &= math.isnan(P[i, i, b])
-    return lost
 
 
 @inner

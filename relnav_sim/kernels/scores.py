@@ -90,6 +90,15 @@ def loses(S: Array, R: Array, L: Array, read: Mask, first: int, used: int) -> bo
 
 
 @inner
+def lost_before(P: Array, b: int) -> bool:
+    """Return whether no variance of lane b is a number: it belongs to a run that was lost at an earlier epoch."""
+    lost = True
+    for i in range(len(P)):
+        lost &= math.isnan(P[i, i, b])
+    return lost
+
+
+@inner
 def places(found: Mask) -> Indices:
     """Return the places (few,) where something is found, in order."""
     count = 0
