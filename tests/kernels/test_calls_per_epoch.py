@@ -23,7 +23,7 @@ BUDGET = {
     "ekf": (0, 0),
     "ekf, epoch by epoch": (38, 29),
     "ukf": (0, 0),
-    "ukf, epoch by epoch": (48, 49),
+    "ukf, epoch by epoch": (49, 49),
 }
 SIGMAS = np.array([4.0, 1.2e-3, 1.2e-3])
 
