@@ -11,7 +11,6 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.containment import Containment
 from relnav_sim.crlb.information import SensorInformation, joint_information
-from relnav_sim.crlb.models import model_key
 from relnav_sim.crlb.observability import WeakestDirection, direction_in_words, observability
 from relnav_sim.crlb.start import start_covariance
 from relnav_sim.dynamics.augmentation.extension import Extension
@@ -55,13 +54,19 @@ def case_observability(config: CaseConfig) -> dict[str, Observability]:
     found: dict[str, Observability | None] = {}
     keys: dict[str, str] = {}
     for name, entry in config.filters.items():
-        keys[name] = f"{model_key(entry)} {known_thrust(entry, config)}"
+        keys[name] = f"{_motion_key(entry)} {known_thrust(entry, config)}"
         if keys[name] not in found:
             found[keys[name]] = None
             # A model of the user's own may raise anything, and on a sensor's axis there are no angles.
             with Containment(), np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 found[keys[name]] = _observability(entry, looked)
     return {name: one for name, key in keys.items() if (one := found[key]) is not None}
+
+
+def _motion_key(entry: FilterEntry) -> str:
+    """Return what tells filters apart here: not their process noise, but for the states that it adds."""
+    added = " ".join(repr(one) for one in entry.augmented_states)
+    return f"{entry.model_dump_json(include={'dynamics', 'sensors'})} {added}"
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.reweighting import reweighted, reweighted_operations
 from relnav_sim.filters.square_root import NEEDS_NOISE, not_definite
 from relnav_sim.linalg import CholeskyFactor, by_run, kernel_for
-from relnav_sim.measurements.interface import Measurement, linearised
+from relnav_sim.measurements.interface import CompiledUpdate, Measurement, Stretch, linearised
 from relnav_sim.measurements.partial import channel_count, present_channels
 from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource
@@ -112,6 +112,17 @@ class AdaptiveAlphaFilter(EitherArithmetic):
         """Return the belief with mean f(m) and covariance F P F^T + Q; the window stays."""
         predicted = super().predict(belief, step)
         return replace(belief, mean=predicted.mean, covariance=predicted.covariance)
+
+    def compiled_epochs(self, belief: Any, stretch: Stretch, first_epoch: int) -> int | None:
+        """Take as many epochs of a stretch in one go as dynamics and measurement can; None: they can't."""
+        options = self._options
+        if options.scheme != "student_t" or not options.per_channel:
+            return None
+        student = kernels.reweighted_step.StudentT(
+            options.degrees_of_freedom, options.alpha_min, options.alpha_max, options.iterations
+        )
+        update = CompiledUpdate("filtered_by_student_t", student, ("alpha", "nis_after"))
+        return self.epochs_by(update, belief, stretch, first_epoch)
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with R / alpha_k."""

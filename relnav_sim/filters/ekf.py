@@ -12,7 +12,7 @@ from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, LinearisedFilterOptions, joseph_update, linearised_operations
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.underweighting import UnderweightingOptions, underweighted
-from relnav_sim.measurements.interface import Measurement, Stretch, linearised
+from relnav_sim.measurements.interface import CompiledUpdate, Measurement, Stretch, linearised
 from relnav_sim.options import AddedLater
 
 
@@ -48,7 +48,9 @@ class ExtendedKalmanFilter(GaussianFilter):
 
     def compiled_epochs(self, belief: Gaussian, stretch: Stretch, first_epoch: int) -> int | None:
         """Take as many epochs of a stretch in one go as dynamics and measurement can; None: they can't."""
-        return None if self._underweighting else self.linearised_epochs(belief, stretch, first_epoch)
+        if self._underweighting:
+            return None
+        return self.epochs_by(CompiledUpdate("filtered", 1.0), belief, stretch, first_epoch)
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with H = dh/dx at the predicted mean."""

@@ -156,18 +156,26 @@ class Innovations:
             self._log_likelihood[k] = innovation.log_likelihood
         else:
             self._log_likelihood[k] += innovation.log_likelihood
-        extras = self._extras[place]
         for name, value in innovation.extras.items():
-            if name not in extras:
-                check_name(name)
-                extras[name] = np.full(self._shape, np.nan)
-            extras[name][k] = value
+            self._extra(place, name)[k] = value
         if innovation.edits:
             edits = self._edits[place]
             for name, count in innovation.edits.items():
                 if name not in edits:
                     edits[name] = np.zeros(self._shape, dtype=np.int64)
                 edits[name][k] = count
+
+    def add_extras(self, k: int, extras: Mapping[str, Array]) -> None:
+        """Take down further numbers (count, runs) of the only sensor at as many columns from k on."""
+        for name, values in extras.items():
+            self._extra(0, name)[k : k + len(values)] = values
+
+    def _extra(self, place: int, name: str) -> Array:
+        extras = self._extras[place]
+        if name not in extras:
+            check_name(name)
+            extras[name] = np.full(self._shape, np.nan)
+        return extras[name]
 
     def room(self, k: int) -> tuple[Array, Array]:
         """Return where NIS and log-likelihood of the only sensor go from column k on, (K - k, runs)."""

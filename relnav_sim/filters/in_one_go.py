@@ -12,6 +12,9 @@ from relnav_sim.filters.history import Innovations
 from relnav_sim.filters.readings import Readings
 from relnav_sim.measurements.interface import Stretch
 
+_LONGEST_PAUSE = 31
+"""Epochs after which it is tried again, at most."""
+
 
 class InOneGo:
     """The epochs of a chunk that can be taken so.
@@ -44,17 +47,26 @@ class InOneGo:
         self.goes_on = self._take is not None and readings.plain
         self._first_epoch = first_epoch
         self._mean, self._covariance, self._innovations = mean, covariance, innovations
+        self._next, self._pause = 0, 0
         if self.goes_on:
             self._z, self._read = readings.sensors[0].z, np.ascontiguousarray(readings.sensors[0].read.T)
 
     def take(self, belief: Any, k: int) -> tuple[Any, int]:
         """Return the belief after as many epochs from column k on as can be taken, and how many these are."""
         assert self._take is not None, "it goes on"
+        if k < self._next:
+            return belief, 0
         room = self._mean[k:], self._covariance[k:], *self._innovations.room(k)
-        taken = self._take(belief, Stretch(self._z[k:], self._read[k:], *room), self._first_epoch + k)
+        stretch = Stretch(self._z[k:], self._read[k:], *room)
+        taken = self._take(belief, stretch, self._first_epoch + k)
         self.goes_on = taken is not None
         if not taken:
+            # Where runs need more at one epoch after the other, trying costs nearly as much as it would save.
+            self._next, self._pause = k + 1 + self._pause, min(2 * self._pause + 1, _LONGEST_PAUSE)
             return belief, 0
+        self._pause = 0
+        if self._read[k : k + taken].any():
+            self._innovations.add_extras(k, {name: extra[:taken] for name, extra in stretch.extras.items()})
         # A copy: the history of a run that has failed is changed later.
         last = k + taken - 1
         return Gaussian(self._mean[last].copy(), self._covariance[last].copy()), taken

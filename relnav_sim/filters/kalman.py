@@ -27,7 +27,7 @@ from relnav_sim.filters.single_precision import SinglePrecision, joseph_in_singl
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import degenerate_innovation, square_root_update
 from relnav_sim.linalg import DOUBLE, SINGLE, by_run
-from relnav_sim.measurements.interface import Measurement, Stretch, depth, linearised
+from relnav_sim.measurements.interface import CompiledUpdate, Measurement, Stretch, depth, linearised
 from relnav_sim.measurements.partial import present_channels, unit_where_absent
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource
@@ -108,18 +108,16 @@ class GaussianFilter:
             return self._single.keep_considered(predicted, corrected)
         return keep_considered(predicted, corrected, self._considered)
 
-    def linearised_epochs(
-        self, belief: Gaussian, stretch: Stretch, first_epoch: int, r_scale: float = 1.0
-    ) -> int | None:
-        """Do what a class whose `correct` is the linearised update says as ``compiled_epochs``.
+    def epochs_by(self, update: CompiledUpdate, belief: Gaussian, stretch: Stretch, first_epoch: int) -> int | None:
+        """Do what a class whose `correct` is there as a compiled update says as ``compiled_epochs``.
 
         Not where a class derived from that one has a step of its own.
 
         Args:
+            update: The compiled update.
             belief: One epoch before the first.
             stretch: The epochs, which are filled.
             first_epoch: Number of the first.
-            r_scale: Factor on the noise of the measurements.
 
         Returns:
             For how many epochs it was done; None: it can't be for any.
@@ -131,7 +129,7 @@ class GaussianFilter:
         if own or self._single or self._considered or known is None or filtered is None:
             return None
         F_and_Q = known(first_epoch, len(stretch.z))
-        return None if F_and_Q is None else filtered(belief.mean, belief.covariance, *F_and_Q, r_scale, stretch)
+        return None if F_and_Q is None else filtered(belief.mean, belief.covariance, *F_and_Q, update, stretch)
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the belief after the measurement, and its innovation."""
@@ -257,7 +255,7 @@ class KalmanFilter(GaussianFilter):
 
     def compiled_epochs(self, belief: Gaussian, stretch: Stretch, first_epoch: int) -> int | None:
         """Take as many epochs of a stretch in one go as dynamics and measurement can; None: they can't."""
-        return self.linearised_epochs(belief, stretch, first_epoch, self._r_scale)
+        return self.epochs_by(CompiledUpdate("filtered", self._r_scale), belief, stretch, first_epoch)
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with the measurement matrix at the prediction."""

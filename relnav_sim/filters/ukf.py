@@ -36,7 +36,7 @@ from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import square_root_update
 from relnav_sim.filters.statistical_linearisation import statistical_linearisation
 from relnav_sim.linalg import by_run, symmetric, transpose
-from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.interface import CompiledUpdate, Measurement, Stretch
 
 _IMAGE_ROUNDING = 1e-14
 
@@ -135,6 +135,13 @@ class UnscentedKalmanFilter(GaussianFilter):
         if self._redraw:
             return Gaussian(mean, covariance)
         return PropagatedPoints(mean, covariance, centre, images)
+
+    def compiled_epochs(self, belief: Gaussian, stretch: Stretch, first_epoch: int) -> int | None:
+        """Take as many epochs of a stretch in one go as dynamics and measurement can; None: they can't."""
+        if not self._redraw:
+            return None
+        transform = kernels.point_step.Transform(float(self._spread), self._weight, self._curvature)
+        return self.epochs_by(CompiledUpdate("filtered_by_points", transform), belief, stretch, first_epoch)
 
     def linear_step(self, belief: Gaussian, step: Step) -> tuple[Array, Array]:
         """Return F and Q of the linear step that the transform amounts to; Q holds what the curvature adds."""

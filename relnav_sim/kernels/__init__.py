@@ -50,12 +50,15 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import normals as normals
     from relnav_sim.kernels import orbits as orbits
     from relnav_sim.kernels import particles as particles
+    from relnav_sim.kernels import point_step as point_step
     from relnav_sim.kernels import proposal as proposal
     from relnav_sim.kernels import ranging as ranging
     from relnav_sim.kernels import relative_flow as relative_flow
     from relnav_sim.kernels import resampling as resampling
+    from relnav_sim.kernels import reweighted_step as reweighted_step
     from relnav_sim.kernels import reweighting as reweighting
     from relnav_sim.kernels import roots as roots
+    from relnav_sim.kernels import sample_step as sample_step
     from relnav_sim.kernels import sampling as sampling
     from relnav_sim.kernels import sight as sight
     from relnav_sim.kernels import sigma_points as sigma_points

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.kernels.compiling import given, inner, kernel
+from relnav_sim.kernels.compiling import given, inner, kernel, short_for
 
 
 @kernel(given(3), given(4), given(4), given(3))
@@ -120,3 +120,9 @@ def _triangularise(A: Array, head: int, t: Array) -> None:
         A[i, i] = image
         for j in range(below, p):
             A[j, i] = 0.0
+
+
+@short_for(_triangularise)
+def _triangularise_at_once(A: Array, head: int, t: Array) -> None:
+    q = A.shape[1]
+    A[:q], A[q:] = np.linalg.qr(A, mode="r"), 0.0

@@ -83,7 +83,9 @@ def kernel(*arguments: Kind, wide: bool = False) -> Callable[[Function], Functio
     return lambda function: Uncompiled(function, arguments, wide)  # type: ignore[return-value]  # it is called as one
 
 
-def kernel_like(other: Callable[..., Any], *arguments: Kind, **names: Any) -> Callable[[Function], Function]:
+def kernel_like(
+    other: Callable[..., Any], *arguments: Kind, wide: bool | None = None, **names: Any
+) -> Callable[[Function], Function]:
     """Let a function be a kernel that does what another one of its module does, with some names standing for others.
 
     Two kernels are written once so, and each compiles only what it needs. (A function can't be passed to one that is
@@ -92,6 +94,7 @@ def kernel_like(other: Callable[..., Any], *arguments: Kind, **names: Any) -> Ca
     Args:
         other: The other kernel.
         arguments: Types, as for `kernel`.
+        wide: As for `kernel`; None: as the other kernel is.
         names: What names stand for in that kernel, not in the functions that it calls.
     """
 
@@ -99,7 +102,7 @@ def kernel_like(other: Callable[..., Any], *arguments: Kind, **names: Any) -> Ca
         assert isinstance(other, Uncompiled) and isinstance(function, FunctionType)
         copy = FunctionType(other.function.__code__, function.__globals__, function.__name__)
         _STAND_FOR[copy] = names
-        return Uncompiled(copy, arguments, other.wide)  # type: ignore[return-value]  # it is called as one
+        return Uncompiled(copy, arguments, other.wide if wide is None else wide)  # type: ignore[return-value]  # it is called as one
 
     return made
 

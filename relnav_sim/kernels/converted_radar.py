@@ -92,19 +92,21 @@ def tangent_covariances(states: Array, M: Array, coefficients: Array, T: Array) 
 @inner
 def linearise(x: Array, used: int, M: Array, T: Array, coefficients: Array, w: Array, h: Array, r: Array) -> None:
     """Set residual, Jacobian and noise of one component at the means x, in lanes; as `sight.linearise`."""
-    s, products, attitude, entries = (
-        np.empty((3, LANES)),
-        np.empty((6, LANES)),
-        np.empty((6, LANES)),
-        np.empty((6, LANES)),
-    )
+    s = np.empty((3, LANES))
     seen(x.T, 0, used, M, s)
-    _of_attitude(x, T, used, products, attitude)
-    _of_component(x, s, M[2], coefficients, used, entries)
+    noise_at(x, s, used, M, T, coefficients, r)
     for i in range(3):
         for b in range(used):
             w[i, b] -= x[i, b]
             h[i, i, b] = 1.0
+
+
+@inner
+def noise_at(x: Array, s: Array, used: int, M: Array, T: Array, coefficients: Array, r: Array) -> None:
+    """Set r (3, 3, LANES) to the noise of one component at the means x (n, LANES), seen along s = M x."""
+    products, attitude, entries = np.empty((6, LANES)), np.empty((6, LANES)), np.empty((6, LANES))
+    _of_attitude(x, T, used, products, attitude)
+    _of_component(x, s, M[2], coefficients, used, entries)
     for n in range(6):
         for b in range(used):
             r[ROWS[n], COLUMNS[n], b] = r[COLUMNS[n], ROWS[n], b] = entries[n, b] + attitude[n, b]

@@ -1,7 +1,8 @@
-"""The extended Kalman filter over many epochs in one go, its belief in lanes all the while.
+"""Kalman filters over many epochs in one go, their beliefs in lanes all the while.
 
-Each epoch is what `kalman.predict_linear`, a sensor's `linearised` and `kalman.update` do one after the other, to the
-last bit. What is saved is the way into each of them, and each run's matrices turned into lanes and back.
+Each epoch is what `kalman.predict_linear` and the filter's update do one after the other, to the last bit. What is
+saved is the way into each kernel, and each run's matrices turned into lanes and back. The loop is written once: each
+filter brings an `update`, and the `room` that it needs.
 """
 
 from __future__ import annotations
@@ -11,18 +12,25 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array, Mask
-from relnav_sim.kernels.compiling import flag, given, inner, kernel, number, written
-from relnav_sim.kernels.converted_radar import linearise as linearise_converted
-from relnav_sim.kernels.kalman import carry_mean_by_one, correct, multiply_by_one, multiply_by_transpose_of_one
+from relnav_sim.kernels.compiling import flag, given, inner, kernel, kernel_like, number, written
+from relnav_sim.kernels.kalman import carry_mean_by_one, multiply_by_one, multiply_by_transpose_of_one
 from relnav_sim.kernels.lanes import LANES, copy_vectors, load, load_vectors, mirror, store_symmetric, store_vectors
-from relnav_sim.kernels.scores import WIDE, doubtful, exceeds, singular
-from relnav_sim.kernels.sight import linearise
+from relnav_sim.kernels.linearised_step import room, update
+from relnav_sim.kernels.point_step import TRANSFORM, Transform
+from relnav_sim.kernels.point_step import room as room_for_points
+from relnav_sim.kernels.point_step import update as update_by_points
+from relnav_sim.kernels.reweighted_step import STUDENT_T, StudentT
+from relnav_sim.kernels.reweighted_step import room as room_for_student_t
+from relnav_sim.kernels.reweighted_step import update as update_by_student_t
+from relnav_sim.kernels.sample_step import TEMPERED, Tempered
+from relnav_sim.kernels.sample_step import room as room_for_samples
+from relnav_sim.kernels.sample_step import update as update_by_samples
 
-_BELIEF, _STEPS, _READINGS = (given(2), given(3)), (given(3), given(3)), (given(3), given(2, flag))
-_MODEL, _FILLED = (flag, given(2), given(2), given(2), number), (written(3), written(4), written(2), written(2))
+_GIVEN = (given(2), given(3), given(3), given(3), given(3), given(2, flag), flag, given(2), given(2), given(2))
+_FILLED = (written(3), written(4), written(2), written(2), written(3))
 
 
-@kernel(*_BELIEF, *_STEPS, *_READINGS, *_MODEL, *_FILLED)
+@kernel(*_GIVEN, number, *_FILLED)
 def filtered(
     m: Array,
     P: Array,
@@ -34,20 +42,20 @@ def filtered(
     M: Array,
     A: Array,
     c: Array,
-    r_scale: float,
+    settings: float,
     means: Array,
     covariances: Array,
     nis: Array,
     log_likelihood: Array,
+    extras: Array,
 ) -> int:
-    """Filter a radar's measurements; return how many epochs have been.
+    """Filter a radar's measurements by the extended Kalman filter; return how many epochs have been.
 
     These are range, azimuth and elevation, or positions that they have been converted to: one kernel for both, as
     compiling takes longest for what they have in common.
 
-    It returns all epochs, or those before the first one for which the short form of the covariance will not do: a run
-    that is read is `WIDE` or lost there, see `kalman.update`. What stands behind these in the arrays that are written
-    is of no meaning.
+    It returns all epochs, or those before the first one in which a run that is read needs more than `update` does.
+    What stands behind these in the arrays that are written is of no meaning.
 
     Args:
         m: Means one epoch before the first, (runs, n).
@@ -60,11 +68,12 @@ def filtered(
         M: Rotation (3, 3) from the states' axes to the radar's.
         A: Covariance (3, 3) of the attitude error, rad^2; of positions, T of `converted_radar.covariances`.
         c: Variances of range, azimuth and elevation (1, 3); of positions, its coefficients (1, 14).
-        r_scale: Factor on the noise.
+        settings: What `update` needs to know; here the factor on the noise.
         means: Gets the means (K, runs, n).
         covariances: Gets their covariances (K, runs, n, n).
         nis: Gets the NIS (K, runs), NaN without a measurement.
         log_likelihood: Gets the log-likelihoods (K, runs), 0 without a measurement.
+        extras: Gets the filter's further numbers (K, count, runs), NaN without a measurement; here none.
     """
     K, runs, _ = z.shape
     n = m.shape[1]
@@ -73,9 +82,8 @@ def filtered(
     for block in range(blocks):
         load_vectors(m, block * LANES, min(LANES, runs - block * LANES), X[block])
         load(P, block * LANES, min(LANES, runs - block * LANES), C[block])
-    y, q, fp = np.empty((n, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES))
-    w, h, r = np.empty((3, LANES)), np.zeros((3, n, LANES)), np.zeros((3, 3, LANES))
-    S, L, W = np.empty((3, 3, LANES)), np.zeros((3, 3, LANES)), np.empty((3, n, LANES))
+    y, q, fp, w = np.empty((n, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES)), np.empty((3, LANES))
+    rooms = room(n, settings)
     for k in range(K):
         F_k, Q_k = F[k if len(F) > 1 else 0], Q[k if len(Q) > 1 else 0]
         for block in range(blocks):
@@ -94,23 +102,14 @@ def filtered(
             there = _count(read[k], first, used)
             if there > 0:
                 load_vectors(z[k], first, used, w)
-                if converted:
-                    linearise_converted(x, used, M, A, c[0], w, h, r)
-                else:
-                    linearise(x, used, M, A, c[0], w, h, r)
-                if r_scale != 1:
-                    for i in range(3):
-                        for j in range(3):
-                            for b in range(used):
-                                r[i, j, b] *= r_scale
-                correct(x, p, w, h, r, used, S, L, W, q, first, nis[k], log_likelihood[k])
-                if doubtful(S, r, L, used):
-                    for b in range(used):
-                        if read[k, first + b] and (singular(S, L, b) or exceeds(S, r, b, WIDE)):
-                            return k
+                out = nis[k], log_likelihood[k], extras[k]
+                if update(x, p, w, converted, M, A, c, settings, rooms, read[k], first, used, q, *out):
+                    return k
             for b in range(used if there < used else 0):
                 if not read[k, first + b]:
                     nis[k, first + b], log_likelihood[k, first + b] = math.nan, 0.0
+                    for e in range(extras.shape[1]):
+                        extras[k, e, first + b] = math.nan
                     for i in range(n):
                         x[i, b] = y[i, b]
                         for j in range(i + 1):
@@ -119,6 +118,75 @@ def filtered(
             store_vectors(x, first, used, means[k])
             store_symmetric(p, first, used, covariances[k])
     return K
+
+
+@kernel_like(filtered, *_GIVEN, TRANSFORM, *_FILLED, room=room_for_points, update=update_by_points)
+def filtered_by_points(
+    m: Array,
+    P: Array,
+    F: Array,
+    Q: Array,
+    z: Array,
+    read: Mask,
+    converted: bool,
+    M: Array,
+    A: Array,
+    c: Array,
+    settings: Transform,
+    means: Array,
+    covariances: Array,
+    nis: Array,
+    log_likelihood: Array,
+    extras: Array,
+) -> int:
+    """Do the same by the unscented Kalman filter."""
+    return 0
+
+
+@kernel_like(filtered, *_GIVEN, TEMPERED, *_FILLED, wide=True, room=room_for_samples, update=update_by_samples)
+def filtered_by_samples(
+    m: Array,
+    P: Array,
+    F: Array,
+    Q: Array,
+    z: Array,
+    read: Mask,
+    converted: bool,
+    M: Array,
+    A: Array,
+    c: Array,
+    settings: Tempered,
+    means: Array,
+    covariances: Array,
+    nis: Array,
+    log_likelihood: Array,
+    extras: Array,
+) -> int:
+    """Do the same by the alpha-divergence filter of fixed samples; extras are those of `sample_step.update`."""
+    return 0
+
+
+@kernel_like(filtered, *_GIVEN, STUDENT_T, *_FILLED, room=room_for_student_t, update=update_by_student_t)
+def filtered_by_student_t(
+    m: Array,
+    P: Array,
+    F: Array,
+    Q: Array,
+    z: Array,
+    read: Mask,
+    converted: bool,
+    M: Array,
+    A: Array,
+    c: Array,
+    settings: StudentT,
+    means: Array,
+    covariances: Array,
+    nis: Array,
+    log_likelihood: Array,
+    extras: Array,
+) -> int:
+    """Do the same by the extended filter with Student-t noise; extras are those of `reweighted_step.update`."""
+    return 0
 
 
 @inner

@@ -221,12 +221,30 @@ def correct(
         for j in range(k):
             for b in range(used):
                 S[i, j, b] += r[i, j, b]
+    correct_by_moments(x, p, w, S, used, L, W, short, first, nis, log_likelihood)
+
+
+@inner
+def correct_by_moments(
+    x: Array,
+    p: Array,
+    w: Array,
+    S: Array,
+    used: int,
+    L: Array,
+    W: Array,
+    short: Array,
+    first: int,
+    nis: Array,
+    log_likelihood: Array,
+) -> None:
+    """Do as `correct` from covariances S (k, k, LANES) of the residuals and W (k, n, LANES) of these and the state."""
     factor(S, used, L)
     forward(L, used, W)
     forward_vectors(L, used, w)
     move(W, w, used, x)
-    score(w, L, first, used, nis, log_likelihood)
     subtract_square(p, W, used, short)
+    score(w, L, first, used, nis, log_likelihood)
 
 
 @kernel(given(2), given(3), given(2), given(3), given(3), given(3))
@@ -257,12 +275,7 @@ def update_by_moments(
         load(S, first, used, s)
         load(R, first, used, r)
         load_vectors(nu, first, used, w)
-        factor(s, used, L)
-        forward(L, used, W)
-        forward_vectors(L, used, w)
-        move(W, w, used, x)
-        subtract_square(p, W, used, p)
-        score(w, L, first, used, nis, log_likelihood)
+        correct_by_moments(x, p, w, s, used, L, W, p, first, nis, log_likelihood)
         if doubtful(s, r, L, used):
             for b in range(used):
                 lost[first + b] = singular(s, L, b) or exceeds(s, r, b, WIDE)

@@ -13,6 +13,8 @@ acceleration there by what is no point mass. Kernels for points take these first
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from relnav_sim.arrays import Array, Indices
@@ -99,7 +101,7 @@ def linear_flow(
     return moved, F
 
 
-_IN_FIELD = {
+_IN_FIELD: dict[str, Any] = {
     "VECTORS": 3,
     "during": field_during,
     "relative_path": relative_path_in_field,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from relnav_sim.arrays import Array, Mask
-from relnav_sim.kernels.compiling import given, kernel, kernel_like, single
+from relnav_sim.kernels.compiling import given, inner, kernel, kernel_like, single
 from relnav_sim.kernels.lanes import (
     LANES,
     factor,
@@ -76,17 +76,23 @@ def residuals(white: Array, rows: Array, dx: Array, P: Array) -> tuple[Array, Ar
         load(rows, first, used, h)
         load_vectors(dx, first, used, x)
         load(P, first, used, p)
-        product(h, p, used, hp)
-        for i in range(m):
-            for b in range(used):
-                s[i, b] = 0.0
-            for j in range(n):
-                for b in range(used):
-                    w[i, b] -= h[i, j, b] * x[j, b]
-                    s[i, b] += hp[i, j, b] * h[i, j, b]
+        take_residuals(h, x, p, used, hp, w, s)
         store_vectors(w, first, used, e)
         store_vectors(s, first, used, spread)
     return e, spread
+
+
+@inner
+def take_residuals(h: Array, x: Array, p: Array, used: int, hp: Array, w: Array, s: Array) -> None:
+    """Do as `residuals` in lanes: take W dx from w (m,), and set s (m,) to its variances; hp (m, n) is room."""
+    product(h, p, used, hp)
+    for i in range(len(w)):
+        for b in range(used):
+            s[i, b] = 0.0
+        for j in range(len(x)):
+            for b in range(used):
+                w[i, b] -= h[i, j, b] * x[j, b]
+                s[i, b] += hp[i, j, b] * h[i, j, b]
 
 
 @kernel(given(3), given(2))
@@ -99,15 +105,22 @@ def scaled(root: Array, weights: Array) -> Array:
         used = min(LANES, runs - first)
         load(root, first, used, L)
         load_vectors(weights, first, used, w)
-        for i in range(m):
-            for j in range(i + 1):
-                for b in range(used):
-                    r[i, j, b] = 0.0
-                for k in range(m):
-                    for b in range(used):
-                        r[i, j, b] += L[i, k, b] / w[k, b] * L[j, k, b]
+        scale(L, w, used, r)
         store_symmetric(r, first, used, R)
     return R
+
+
+@inner
+def scale(L: Array, w: Array, used: int, r: Array) -> None:
+    """Do as `scaled` in lanes: set the lower triangle of r (m, m)."""
+    m = len(w)
+    for i in range(m):
+        for j in range(i + 1):
+            for b in range(used):
+                r[i, j, b] = 0.0
+            for k in range(m):
+                for b in range(used):
+                    r[i, j, b] += L[i, k, b] / w[k, b] * L[j, k, b]
 
 
 @kernel_like(whitened, given(2, single), given(3, single), given(3, single))

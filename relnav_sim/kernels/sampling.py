@@ -39,27 +39,37 @@ def whitened(P: Array, observed: Indices) -> tuple[Array, Array]:
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(P, first, used, p)
-        for i in range(d):
-            for j in range(n):
-                for b in range(used):
-                    g[i, j, b] = p[observed[i], j, b]
-            for j in range(d):
-                for b in range(used):
-                    block[i, j, b] = p[observed[i], observed[j], b]
-        factor(block, used, L)
-        forward(L, used, g)
-        for i in range(n):
-            for j in range(i + 1):
-                for k in range(d):
-                    for b in range(used):
-                        p[i, j, b] -= g[k, i, b] * g[k, j, b]
-        for k in range(d):
-            for j in range(n):
-                for b in range(used):
-                    p[observed[k], j, b] = p[j, observed[k], b] = 0.0
+        split(p, observed, used, block, L, g)
         store(g, first, used, roots)
         store_symmetric(p, first, used, remainder)
     return roots, remainder
+
+
+@inner
+def split(p: Array, observed: Indices, used: int, block: Array, L: Array, g: Array) -> None:
+    """Do as `whitened` in lanes: set g (d, n) to G^T and the lower triangle of p (n, n) to P - G G^T.
+
+    Room are block (d, d) and L (d, d), which is zero above its diagonal.
+    """
+    d, n, _ = g.shape
+    for i in range(d):
+        for j in range(n):
+            for b in range(used):
+                g[i, j, b] = p[observed[i], j, b]
+        for j in range(d):
+            for b in range(used):
+                block[i, j, b] = p[observed[i], observed[j], b]
+    factor(block, used, L)
+    forward(L, used, g)
+    for i in range(n):
+        for j in range(i + 1):
+            for k in range(d):
+                for b in range(used):
+                    p[i, j, b] -= g[k, i, b] * g[k, j, b]
+    for k in range(d):
+        for j in range(n):
+            for b in range(used):
+                p[observed[k], j, b] = p[j, observed[k], b] = 0.0
 
 
 @kernel(given(2), given(3), given(3), given(2), given(3))
@@ -84,22 +94,29 @@ def regressed(m: Array, roots: Array, remainder: Array, a: Array, C: Array) -> t
         load(roots, first, used, g)
         load(C, first, used, c)
         load(remainder, first, used, p)
-        cg[:] = 0.0
-        for k in range(d):
-            for i in range(n):
-                for b in range(used):
-                    x[i, b] += g[k, i, b] * y[k, b]
-                for j in range(d):
-                    for b in range(used):
-                        cg[k, i, b] += c[k, j, b] * g[j, i, b]
-        for i in range(n):
-            for j in range(i + 1):
-                for k in range(d):
-                    for b in range(used):
-                        p[i, j, b] += g[k, i, b] * cg[k, j, b]
+        regress(g, y, c, used, cg, x, p)
         store_vectors(x, first, used, mean)
         store_symmetric(p, first, used, covariance)
     return mean, covariance
+
+
+@inner
+def regress(g: Array, a: Array, C: Array, used: int, cg: Array, x: Array, p: Array) -> None:
+    """Do as `regressed` in lanes: add G a to x (n,), G C G^T to the lower triangle of p (n, n); cg (d, n) is room."""
+    d, n, _ = g.shape
+    cg[:] = 0.0
+    for k in range(d):
+        for i in range(n):
+            for b in range(used):
+                x[i, b] += g[k, i, b] * a[k, b]
+            for j in range(d):
+                for b in range(used):
+                    cg[k, i, b] += C[k, j, b] * g[j, i, b]
+    for i in range(n):
+        for j in range(i + 1):
+            for k in range(d):
+                for b in range(used):
+                    p[i, j, b] += g[k, i, b] * cg[k, j, b]
 
 
 @kernel(given(3), given(3))
@@ -129,32 +146,39 @@ def squared_linear(r: Array, A: Array, W: Array, e: Array) -> Array:
         W: Whitening (runs or 1, m, m), lower triangular.
         e: Samples (runs or 1, d, N).
     """
-    runs, m, d = A.shape
-    N = e.shape[2]
+    runs, N = len(r), e.shape[2]
     errors, white = np.empty((runs, N)), np.empty(SAMPLES)
     for run in range(runs):
         w, samples = W[0 if len(W) == 1 else run], e[0 if len(e) == 1 else run]
-        for first in range(0, N, SAMPLES):
-            used = min(SAMPLES, N - first)
-            out = errors[run, first : first + used]
-            for b in range(used):
-                out[b] = 0.0
-            for i in range(m):
-                centre = 0.0
-                for j in range(i + 1):
-                    centre += w[i, j] * r[run, j]
-                for b in range(used):
-                    white[b] = centre
-                for k in range(d):
-                    slope = 0.0
-                    for j in range(i + 1):
-                        slope += w[i, j] * A[run, j, k]
-                    part = samples[k, first : first + used]
-                    for b in range(used):
-                        white[b] -= slope * part[b]
-                for b in range(used):
-                    out[b] += white[b] * white[b]
+        square_linear(r[run], A[run], w, samples, white, errors[run])
     return errors
+
+
+@inner
+def square_linear(r: Array, A: Array, W: Array, e: Array, white: Array, errors: Array) -> None:
+    """Do as `squared_linear` for one run, errors (N,); white (SAMPLES,) is room."""
+    m, d = A.shape
+    N = len(errors)
+    for first in range(0, N, SAMPLES):
+        used = min(SAMPLES, N - first)
+        out = errors[first : first + used]
+        for b in range(used):
+            out[b] = 0.0
+        for i in range(m):
+            centre = 0.0
+            for j in range(i + 1):
+                centre += W[i, j] * r[j]
+            for b in range(used):
+                white[b] = centre
+            for k in range(d):
+                slope = 0.0
+                for j in range(i + 1):
+                    slope += W[i, j] * A[j, k]
+                part = e[k, first : first + used]
+                for b in range(used):
+                    white[b] -= slope * part[b]
+            for b in range(used):
+                out[b] += white[b] * white[b]
 
 
 @inner
@@ -194,34 +218,65 @@ def moments(costs: Array, e: Array, kind: int) -> tuple[Array, Array, Array]:
     sums, squares = np.empty((1 + d + d * (d + 1) // 2, LANES), e.dtype), np.empty(LANES, e.dtype)
     for run in range(runs):
         samples = e[0 if len(e) == 1 else run]
-        _weights(costs[run], w)
-        sums[:] = 0.0
-        squares[:] = 0.0
-        whole = N - N % CHUNK
-        for first in range(0, whole, CHUNK):
-            _add_moments(w[first : first + CHUNK], samples, first, wx, sums, squares)
-        if whole < N:
-            _gather(samples, whole, N - whole, x)
-            _add_moments(w[whole:], x, 0, wx, sums, squares)
-        total = _sum(sums[0])
-        shares = _sum(squares) / (total * total)
-        ess[run] = 1 / shares
-        correction = 1.0
-        if kind == INDEPENDENT:
-            correction = 1 / (1 - shares)
-        elif kind == PAIRED:
-            moved = 0.0
-            for n in range(N // 2):
-                moved += (w[n] - w[n + N // 2]) ** 2
-            correction = 1 / (1 - moved / (total * total))
-        row = 1 + d
-        for i in range(d):
-            mean[run, i] = _sum(sums[1 + i]) / total
-            for j in range(i + 1):
-                entry = (_sum(sums[row]) / total - mean[run, i] * mean[run, j]) * correction
-                covariance[run, i, j] = covariance[run, j, i] = entry
-                row += 1
+        ess[run] = take_moments(costs[run], samples, kind, w, x, wx, sums, squares, mean[run], covariance[run])
     return mean, covariance, ess
+
+
+@inner
+def take_moments(
+    costs: Array,
+    e: Array,
+    kind: int,
+    w: Array,
+    x: Array,
+    wx: Array,
+    sums: Array,
+    squares: Array,
+    mean: Array,
+    covariance: Array,
+) -> float:
+    """Set mean (d,) and covariance (d, d) of one run to what `moments` says; return the effective sample size.
+
+    Args:
+        costs: (N,).
+        e: Samples (d, N).
+        kind: As for `moments`.
+        w: Room for the weights: N, to the next multiple of CHUNK, zero behind the last.
+        x: Room (d, CHUNK).
+        wx: Room (CHUNK,).
+        sums: Room (1 + d + d (d + 1) / 2, LANES).
+        squares: Room (LANES,).
+        mean: Is set.
+        covariance: Is set.
+    """
+    d, N = e.shape
+    _weights(costs, w)
+    sums[:] = 0.0
+    squares[:] = 0.0
+    whole = N - N % CHUNK
+    for first in range(0, whole, CHUNK):
+        _add_moments(w[first : first + CHUNK], e, first, wx, sums, squares)
+    if whole < N:
+        _gather(e, whole, N - whole, x)
+        _add_moments(w[whole:], x, 0, wx, sums, squares)
+    total = _sum(sums[0])
+    shares = _sum(squares) / (total * total)
+    correction = 1.0
+    if kind == INDEPENDENT:
+        correction = 1 / (1 - shares)
+    elif kind == PAIRED:
+        moved = 0.0
+        for n in range(N // 2):
+            moved += (w[n] - w[n + N // 2]) ** 2
+        correction = 1 / (1 - moved / (total * total))
+    row = 1 + d
+    for i in range(d):
+        mean[i] = _sum(sums[1 + i]) / total
+        for j in range(i + 1):
+            entry = (_sum(sums[row]) / total - mean[i] * mean[j]) * correction
+            covariance[i, j] = covariance[j, i] = entry
+            row += 1
+    return 1 / shares
 
 
 @inner

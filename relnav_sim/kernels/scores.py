@@ -80,6 +80,25 @@ def singular(S: Array, L: Array, b: int) -> bool:
 
 
 @inner
+def loses(S: Array, R: Array, L: Array, read: Mask, first: int, used: int) -> bool:
+    """Return whether a lane that is read, (runs,), has an S that is `WIDE` or as good as singular."""
+    if doubtful(S, R, L, used):
+        for b in range(used):
+            if read[first + b] and (singular(S, L, b) or exceeds(S, R, b, WIDE)):
+                return True
+    return False
+
+
+@inner
+def lost_before(P: Array, b: int) -> bool:
+    """Return whether no variance of lane b is a number: it belongs to a run that was lost at an earlier epoch."""
+    lost = True
+    for i in range(len(P)):
+        lost &= math.isnan(P[i, i, b])
+    return lost
+
+
+@inner
 def places(found: Mask) -> Indices:
     """Return the places (few,) where something is found, in order."""
     count = 0

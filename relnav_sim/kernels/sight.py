@@ -116,36 +116,54 @@ def squared_errors(z: Array, W: Array, centre: Array, root: Array, e: Array, M: 
     errors = np.empty((runs, N))
     axes, c, A = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     for run in range(runs):
-        ca, sa, ce, se = math.cos(z[run, 1]), math.sin(z[run, 1]), math.cos(z[run, 2]), math.sin(z[run, 2])
-        for j in range(3):
-            axes[0, j], axes[1, j], axes[2, j] = ca * M[0, j] + sa * M[1, j], ca * M[1, j] - sa * M[0, j], M[2, j]
-        for i in range(3):
-            c[i] = axes[i, 0] * centre[run, 0] + axes[i, 1] * centre[run, 1] + axes[i, 2] * centre[run, 2]
-            for k in range(3):
-                A[i, k] = axes[i, 0] * root[run, 0, k] + axes[i, 1] * root[run, 1, k] + axes[i, 2] * root[run, 2, k]
         samples, w = e[0 if len(e) == 1 else run], W[0 if len(W) == 1 else run]
-        for first in range(0, N, SAMPLES):
-            last = min(first + SAMPLES, N)
-            e0, e1, e2 = samples[0, first:last], samples[1, first:last], samples[2, first:last]
-            out = errors[run, first:last]
-            # Nearly always all of them lie close to where they were read, and two quotients will do for all.
-            aside = False
+        square_errors(z[run], w, centre[run], root[run], samples, M, axes, c, A, errors[run])
+    return errors
+
+
+@inner
+def square_errors(
+    z: Array,
+    W: Array,
+    centre: Array,
+    root: Array,
+    e: Array,
+    M: Array,
+    axes: Array,
+    c: Array,
+    A: Array,
+    errors: Array,
+) -> None:
+    """Do as `squared_errors` for one run, errors (N,); axes (3, 3), c (3,) and A (3, 3) are room."""
+    ca, sa, ce, se = math.cos(z[1]), math.sin(z[1]), math.cos(z[2]), math.sin(z[2])
+    for j in range(3):
+        axes[0, j], axes[1, j], axes[2, j] = ca * M[0, j] + sa * M[1, j], ca * M[1, j] - sa * M[0, j], M[2, j]
+    for i in range(3):
+        c[i] = axes[i, 0] * centre[0] + axes[i, 1] * centre[1] + axes[i, 2] * centre[2]
+        for k in range(3):
+            A[i, k] = axes[i, 0] * root[0, k] + axes[i, 1] * root[1, k] + axes[i, 2] * root[2, k]
+    N = len(errors)
+    for first in range(0, N, SAMPLES):
+        last = min(first + SAMPLES, N)
+        e0, e1, e2 = e[0, first:last], e[1, first:last], e[2, first:last]
+        out = errors[first:last]
+        # Nearly always all of them lie close to where they were read, and two quotients will do for all.
+        aside = False
+        for b in range(last - first):
+            x, y, h = _image(c, A, e0[b], e1[b], e2[b])
+            across = y / x
+            p = hypot_narrow(x, across)
+            u, v = fused(p, ce, h * -se), fused(p, se, h * ce)
+            up = v / u
+            aside |= not (x > 0 and u > 0 and abs(across) <= NARROW and abs(up) <= NARROW)
+            range_error = z[0] - hypot_narrow(u, up)
+            out[b] = _square(W, range_error, -atan_narrow(across), atan_narrow(up))
+        if aside:
             for b in range(last - first):
                 x, y, h = _image(c, A, e0[b], e1[b], e2[b])
-                across = y / x
-                p = hypot_narrow(x, across)
-                u, v = fused(p, ce, h * -se), fused(p, se, h * ce)
-                up = v / u
-                aside |= not (x > 0 and u > 0 and abs(across) <= NARROW and abs(up) <= NARROW)
-                range_error = z[run, 0] - hypot_narrow(u, up)
-                out[b] = _square(w, range_error, -atan_narrow(across), atan_narrow(up))
-            if aside:
-                for b in range(last - first):
-                    x, y, h = _image(c, A, e0[b], e1[b], e2[b])
-                    p = math.sqrt(x * x + y * y)
-                    range_error = z[run, 0] - math.sqrt(x * x + y * y + h * h)
-                    out[b] = _square(w, range_error, -atan2(y, x), atan2(p * se + h * ce, p * ce - h * se))
-    return errors
+                p = math.sqrt(x * x + y * y)
+                range_error = z[0] - math.sqrt(x * x + y * y + h * h)
+                out[b] = _square(W, range_error, -atan2(y, x), atan2(p * se + h * ce, p * ce - h * se))
 
 
 @inlined
@@ -212,6 +230,12 @@ def linearise(x: Array, used: int, M: Array, P: Array, variances: Array, w: Arra
     seen(x.T, 0, used, M, s)
     subtract_spherical(s, used, room, w)
     derivatives(s, used, M, h)
+    noise_along(s, used, P, variances, r)
+
+
+@inner
+def noise_along(s: Array, used: int, P: Array, variances: Array, r: Array) -> None:
+    """Set r (3, 3, LANES) to the noise along the lines of sight s."""
     if P.any():
         covariance(s, used, P, variances, r)
         mirror(r, used, r)

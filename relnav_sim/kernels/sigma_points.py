@@ -134,23 +134,44 @@ def moments(
         load(d, first, used, both)
         load(offsets, first, used, x)
         load(R, first, used, S)
-        _shift(deviations, weight, used, s)
-        _shift(x, weight, used, t)
-        _add_covariance(deviations, s, weight, curvature, used, S)
-        for i in range(k):
-            for j in range(n):
-                for b in range(used):
-                    C[i, j, b] = 0.0
-                for point in range(points):
-                    for b in range(used):
-                        C[i, j, b] += deviations[point, i, b] * x[point, j, b]
-                for b in range(used):
-                    C[i, j, b] = weight * C[i, j, b] + curvature * (s[i, b] * t[j, b])
-        _add(s, used, z)
+        take_moments(deviations, x, weight, curvature, used, s, t, z, S, C)
         store_vectors(z, first, used, mean)
         store_symmetric(S, first, used, covariance)
         store(C, first, used, cross)
     return mean, covariance, cross
+
+
+@inner
+def take_moments(
+    d: Array, x: Array, weight: float, curvature: float, used: int, s: Array, t: Array, z: Array, S: Array, C: Array
+) -> None:
+    """Do as `moments` in lanes.
+
+    Args:
+        d: Deviations of the readings from the centre's, (2 n, k, LANES).
+        x: Offsets of the points (2 n, n, LANES).
+        weight: w.
+        curvature: c.
+        used: How many lanes there are.
+        s: Room (k, LANES).
+        t: Room (n, LANES).
+        z: Reading expected at the centre, (k, LANES), which the mean takes the place of.
+        S: Measurement noise (k, k, LANES), to whose lower triangle the covariance is added.
+        C: Gets the covariance with the state (k, n, LANES).
+    """
+    _shift(d, weight, used, s)
+    _shift(x, weight, used, t)
+    _add_covariance(d, s, weight, curvature, used, S)
+    for i in range(len(s)):
+        for j in range(len(t)):
+            for b in range(used):
+                C[i, j, b] = 0.0
+            for point in range(len(d)):
+                for b in range(used):
+                    C[i, j, b] += d[point, i, b] * x[point, j, b]
+            for b in range(used):
+                C[i, j, b] = weight * C[i, j, b] + curvature * (s[i, b] * t[j, b])
+    _add(s, used, z)
 
 
 @kernel(given(3), number, number)

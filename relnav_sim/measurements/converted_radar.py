@@ -14,7 +14,7 @@ import numpy as np
 from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, cross_matrix
-from relnav_sim.measurements.interface import MeasurementDefaults, Mixture, Stretch
+from relnav_sim.measurements.interface import CompiledUpdate, MeasurementDefaults, Mixture, Stretch
 from relnav_sim.measurements.spherical_radar import SightNoise
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -106,11 +106,11 @@ class ConvertedRadar(ConvertedPosition):
         return self._covariances(mean, self._one)[:, 0]
 
     def filtered(
-        self, mean: Array, covariance: Array, F: Array, Q: Array, r_scale: float, stretch: Stretch
+        self, mean: Array, covariance: Array, F: Array, Q: Array, update: CompiledUpdate, stretch: Stretch
     ) -> int | None:
-        """Fill a stretch by the Kalman filter."""
-        model = self._radar_from_rtn, self._attitude, self._one, r_scale
-        return stretch.filled(mean, covariance, F, Q, True, model)
+        """Fill a stretch."""
+        model = self._radar_from_rtn, self._attitude, self._one
+        return stretch.filled(mean, covariance, F, Q, update, True, model)
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the joint components, (runs, k, 3, 3), where the filter is told of a mixture."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Protocol
 
@@ -18,6 +18,21 @@ SquaredErrors = Callable[[Array, Array, Array, Array, Array, int], Array]
 
 
 @dataclass(frozen=True)
+class CompiledUpdate:
+    """A filter's update in compiled code.
+
+    Args:
+        kernel: Name of the kernel in `kernels.epochs`.
+        settings: What that needs to know of the filter.
+        extras: Names of the further numbers that it gives.
+    """
+
+    kernel: str
+    settings: Any
+    extras: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Stretch:
     """Consecutive epochs that are filtered in one go, and room for what comes of them.
 
@@ -28,6 +43,7 @@ class Stretch:
         covariance: (K, runs, n, n).
         nis: (K, runs); NaN without a measurement.
         log_likelihood: (K, runs); 0 without a measurement.
+        extras: The filter's further numbers by name, which are put here, (K, runs); NaN without a measurement.
     """
 
     z: Array
@@ -36,6 +52,7 @@ class Stretch:
     covariance: Array
     nis: Array
     log_likelihood: Array
+    extras: dict[str, Array] = field(default_factory=dict)
 
     def filled(
         self,
@@ -43,14 +60,18 @@ class Stretch:
         covariance: Array,
         F: Array,
         Q: Array,
+        update: CompiledUpdate,
         converted: bool,
-        model: tuple[Array, Array, Array, float],
+        radar: tuple[Array, Array, Array],
     ) -> int:
-        """Fill it by `kernels.epochs.filtered` with a radar's M, A, c and r_scale; return for how many epochs."""
+        """Fill it by a kernel of `kernels.epochs` with a radar's M, A and c; return for how many epochs."""
         in_order = np.ascontiguousarray
         given = in_order(mean), in_order(covariance), in_order(F), in_order(Q), in_order(self.z), in_order(self.read)
-        filled = self.mean, self.covariance, self.nis, self.log_likelihood
-        return kernels.epochs.filtered(*given, converted, *model, *filled)
+        extras = np.empty((len(self.z), len(update.extras), self.z.shape[1]))
+        filled = self.mean, self.covariance, self.nis, self.log_likelihood, extras
+        taken: int = getattr(kernels.epochs, update.kernel)(*given, converted, *radar, update.settings, *filled)
+        self.extras.update(zip(update.extras, extras.swapaxes(0, 1), strict=True))
+        return taken
 
 
 @dataclass(frozen=True)
@@ -236,19 +257,19 @@ class MeasurementDefaults:
         return squares_of_states(self, z, W, centre, root, e, epoch)
 
     def filtered(
-        self, mean: Array, covariance: Array, F: Array, Q: Array, r_scale: float, stretch: Stretch
+        self, mean: Array, covariance: Array, F: Array, Q: Array, update: CompiledUpdate, stretch: Stretch
     ) -> int | None:
-        """Fill a stretch by the extended Kalman filter; return for how many epochs, None: it can't for any.
+        """Fill a stretch by a filter with linear dynamics; return for how many epochs, None: it can't for any.
 
         A measurement that has it in compiled code gives what the filter gives from epoch to epoch, to the last bit. It
-        stops before an epoch in which a run needs more than the update from one Cholesky factor or Joseph's form.
+        stops before an epoch in which a run needs more than the compiled update.
 
         Args:
             mean: One epoch before the first, (runs, n).
             covariance: Its covariance (runs, n, n).
             F: Transition matrices (K, n, n), or (1, n, n) for all epochs.
             Q: Process noise alike.
-            r_scale: Factor on the noise of the measurements.
+            update: The filter's update.
             stretch: The epochs.
         """
         return None

@@ -14,7 +14,7 @@ from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import mounting_matrix, sight_vector
 from relnav_sim.given_arrays import numbers
 from relnav_sim.linalg import transpose
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Stretch
+from relnav_sim.measurements.interface import CompiledUpdate, Measurement, MeasurementDefaults, Mixture, Stretch
 from relnav_sim.measurements.sight import Sight, in_states
 
 Assumed = Literal["nominal", "total", "mixture"]
@@ -115,13 +115,13 @@ class SphericalRadar(MeasurementDefaults):
         return nu, in_states(H, by_state, mean), R if self._turns else R[0]
 
     def filtered(
-        self, mean: Array, covariance: Array, F: Array, Q: Array, r_scale: float, stretch: Stretch
+        self, mean: Array, covariance: Array, F: Array, Q: Array, update: CompiledUpdate, stretch: Stretch
     ) -> int | None:
-        """Fill a stretch by the extended Kalman filter, where the position is part of the state."""
+        """Fill a stretch, where the position is part of the state."""
         if self.depends_on is None:
             return None
-        model = self._rotation, self._attitude, self._variances[None], r_scale
-        return stretch.filled(mean, covariance, F, Q, False, model)
+        model = self._rotation, self._attitude, self._variances[None]
+        return stretch.filled(mean, covariance, F, Q, update, False, model)
 
     def squared_errors(self, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
         """Return |W (z - h(x))|^2 of the samples x = centre + root e, (runs, N)."""

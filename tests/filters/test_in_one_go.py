@@ -11,8 +11,11 @@ from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.by_epoch import LinearByEpoch
 from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.dynamics.white_noise import AddedNoise
+from relnav_sim.filters.adaptive_alpha_kf import AdaptiveAlphaFilter, AdaptiveAlphaOptions
+from relnav_sim.filters.alpha_kf import AlphaKalmanFilter, AlphaOptions
 from relnav_sim.filters.ekf import ExtendedKalmanFilter, ExtendedOptions
 from relnav_sim.filters.kalman import KalmanFilter, KalmanOptions
+from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
 from relnav_sim.measurements.converted_radar import ConvertedRadar
 from relnav_sim.measurements.partial import PartialMeasurement
 from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
@@ -34,6 +37,27 @@ class ByStep(ExtendedKalmanFilter):
 
 class ByStepLinear(KalmanFilter):
     """The linear filter, likewise."""
+
+    def correct(self, belief, z, step):
+        return super().correct(belief, z, step)
+
+
+class ByStepPoints(UnscentedKalmanFilter):
+    """The unscented filter, likewise."""
+
+    def correct(self, belief, z, step):
+        return super().correct(belief, z, step)
+
+
+class ByStepSamples(AlphaKalmanFilter):
+    """The alpha-divergence filter, likewise."""
+
+    def correct(self, belief, z, step):
+        return super().correct(belief, z, step)
+
+
+class ByStepStudent(AdaptiveAlphaFilter):
+    """The adaptive filter, likewise."""
 
     def correct(self, belief, z, step):
         return super().correct(belief, z, step)
@@ -72,6 +96,10 @@ def readings(measurement, seed=3, sigmas=SIGMAS):
 
 
 EXTENDED = (ExtendedKalmanFilter, ByStep), ExtendedOptions()
+UNSCENTED = (UnscentedKalmanFilter, ByStepPoints), UnscentedOptions(alpha=0.7, beta=1.5, kappa=0.5)
+SAMPLED = (AlphaKalmanFilter, ByStepSamples), AlphaOptions(samples=200, sampling="fixed", alpha=0.3)
+STUDENT = (AdaptiveAlphaFilter, ByStepStudent), AdaptiveAlphaOptions(iterations=3, alpha_min=0.05)
+OTHERS = [UNSCENTED, SAMPLED, STUDENT]
 
 
 def compare(z, mean0, cov0=P0, dynamics=None, measurement=None, filters=EXTENDED):
@@ -84,6 +112,9 @@ def compare(z, mean0, cov0=P0, dynamics=None, measurement=None, filters=EXTENDED
         found, expected = (run_filter(filter, z, mean0, cov0) for filter in made)
     for name in ("mean", "covariance", "nis", "log_likelihood", "dof"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    assert found.extras.keys() == expected.extras.keys()
+    for name, extra in expected.extras.items():
+        np.testing.assert_array_equal(found.extras[name], extra)
     assert found.failures == expected.failures
     return measurement.taken, found
 
@@ -93,6 +124,44 @@ def test_all_epochs_are_taken_at_once(attitude):
     measurement = radar(attitude)
     z, mean0 = readings(measurement)
     assert compare(z, mean0, measurement=measurement)[0] == [EPOCHS]
+
+
+@pytest.mark.parametrize("filters", OTHERS)
+@pytest.mark.parametrize("kind", [Counted, CountedConverted])
+@pytest.mark.parametrize("attitude", [0.0, 1e-3])
+def test_other_filters(filters, kind, attitude):
+    measurement = radar(attitude, kind)
+    z, mean0 = readings(measurement, sigmas=SIGMAS if kind is Counted else 5.0)
+    gaps = np.random.default_rng(4).random((RUNS, EPOCHS)) < 0.3
+    gaps[:, 7] = True
+    z = np.where(gaps[..., None], np.nan, z)
+    z[2, 10] *= 1.5  # an outlier
+    taken, many = compare(z, mean0, measurement=measurement, filters=filters)
+    assert taken == [EPOCHS]
+    for run in (0, 2, 34):
+        one, alone = compare(z[run : run + 1], mean0[run : run + 1], measurement=measurement, filters=filters)
+        assert one == [EPOCHS, EPOCHS]
+        taken.pop()
+        for name in ("mean", "covariance", "nis", "log_likelihood"):
+            np.testing.assert_array_equal(getattr(alone, name)[0], getattr(many, name)[run])
+
+
+@pytest.mark.parametrize("filters", OTHERS)
+def test_other_filters_where_runs_fail_or_need_more(filters):
+    z, mean0 = readings(radar())
+    mean0[4] = 1e300
+    mean0[9, :3] = 0.0  # on the radar itself
+    wide = np.broadcast_to(P0, (RUNS, 6, 6)).copy()
+    wide[20] *= 1e12
+    wide[33] *= 1e16
+    taken, history = compare(z, mean0, wide, filters=filters)
+    assert {failure.run for failure in history.failures} >= {4}
+    assert 0 < sum(taken) < EPOCHS
+    known = np.broadcast_to(P0, (RUNS, 6, 6)).copy()
+    known[3, 2] = known[3, :, 2] = 0.0  # a state that is known, so that there is no Cholesky factor
+    still = LinearDynamics(np.eye(6), np.zeros((6, 6)))
+    taken, _ = compare(z, mean0, known, dynamics=still, filters=filters)
+    assert taken[0] == 0 and (filters == STUDENT or sum(taken) == 0)
 
 
 @pytest.mark.parametrize("r_scale", [1.0, 2.0])
@@ -120,6 +189,13 @@ def test_an_epoch_that_needs_more_is_taken_by_itself():
     wide[33] *= 1e16
     taken, _ = compare(z, mean0, wide)
     assert taken[0] == 0 and sum(taken) + taken.count(0) == EPOCHS
+
+
+def test_it_is_tried_less_often_where_every_epoch_needs_more():
+    z, mean0 = readings(radar())
+    taken, history = compare(z, mean0, dynamics=LinearDynamics(F, 1e8 * Q), filters=SAMPLED)
+    assert (history.extras["fallback"].sum(axis=0) > 0).all()
+    assert taken == [0] * 5  # at the epochs 0, 1, 3, 7 and 15
 
 
 def test_runs_that_fail():

@@ -37,7 +37,8 @@ def room(runs, n, epochs):
 def in_one_go(given, attitude=P):
     m, z = given[0], given[4]
     out = room(*m.shape, len(z))
-    return kernels.epochs.filtered(*given, False, M, attitude, VARIANCES[None], 1.0, *out), out
+    no_extras = np.empty((len(z), 0, len(m)))
+    return kernels.epochs.filtered(*given, False, M, attitude, VARIANCES[None], 1.0, *out, no_extras), out
 
 
 def step_by_step(given, attitude=P):
@@ -78,7 +79,7 @@ def test_bits_of_converted_readings_are_those_of_single_steps(n, runs, missing, 
 
     out = room(runs, n, 12)
     given = m, C, F, Q, z, read
-    taken = kernels.epochs.filtered(*given, True, M, T, coefficients, r_scale, *out)
+    taken = kernels.epochs.filtered(*given, True, M, T, coefficients, r_scale, *out, np.empty((12, 0, runs)))
     stopped, expected = stepped(given, linearised)
     assert taken == stopped == 12
     for one, other in zip(out, expected, strict=True):
