@@ -91,13 +91,18 @@ def test_findings_have_what_their_readers_take() -> None:
         (["infer", "alpha_kf", "--out", "nowhere"], "nowhere/alpha_kf holds no bank"),
         (["infer", "alpha"], "there is no paper 'alpha'; give one of alpha_kf, mf_upf, mf_upf_learned, two_step_kf"),
         (["bank", "alpha_kf", "--size", "150"], "give a multiple of 100"),
+        ([], "relnav: missing command; inverse --help lists the commands"),
+        (["nosuch"], "relnav: no command is named 'nosuch'; inverse --help lists the commands"),
+        (["chek"], "relnav: no command is named 'chek'; did you mean inverse check?"),
+        (["infer"], "relnav: missing argument 'PAPER'; inverse infer --help lists its options"),
+        (["page", "--nosuch"], "relnav: no such option: --nosuch; inverse page --help lists its options"),
     ],
 )
 def test_a_mistake_is_one_sentence(arguments: list[str], words: str) -> None:
-    result = CliRunner().invoke(app, arguments)
+    result = CliRunner().invoke(app, arguments, prog_name="inverse")
     assert result.exit_code == 2
     assert words in result.output
-    assert "Traceback" not in result.output
+    assert "Traceback" not in result.output and "Usage" not in result.output
 
 
 def test_the_page_is_written(tmp_path: Path) -> None:
