@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from replication.inverse.__main__ import app
 from replication.inverse.findings import FILE, read_findings
 from replication.inverse.page import PAGE, page_of
+from replication.inverse.page_evidence import searches_reached
 from replication.inverse.page_files import files_of
 from replication.papers import papers
 
@@ -45,8 +46,32 @@ def test_synthetic_papers_that_were_searched_are_shown() -> None:
     }
     known = [{"near": True, "forged": "", "tables": tables}, {"near": True, "forged": "table_2 ekf", "tables": tables}]
     page = page_of({"papers": {"alpha_kf": bank | {"searched": known}}})
-    assert "| near this paper's | 90 (120) | 80 (50) |" in page
-    assert "| near this paper's; Table 2, EKF \N{MULTIPLICATION SIGN} 2 | 90 (120) | 80 (50) |" in page
+    assert "| near this paper's | reached: 90 (120) | **not reached**: 80 (50) |" in page
+    assert (
+        "| near this paper's; Table 2, EKF \N{MULTIPLICATION SIGN} 2 | reached: 90 (120) | **not reached**: 80 (50) |"
+        in page
+    )
+    (told,) = [line for line in page.splitlines() if line.startswith("- No one setting was found for")]
+    assert told.endswith("the same search reached 1 of 2 near this paper's settings.")
+    without = {key: value for key, value in bank.items() if key != "searched"}
+    assert "the same search reached" not in page_of({"papers": {"alpha_kf": without}})
+
+
+def test_tables_that_a_search_reached_are_counted_near_and_elsewhere_without_changed_ones() -> None:
+    within, beyond = ({"distance": distance, "honest": [40.0, 50.0]} for distance in (50.0, 50.1))
+    tables = {"all tables": beyond, "table_2": within, "table_3": within}
+    papers_ = [{"near": near, "forged": "", "tables": tables} for near in (True, True, False)]
+    changed = {"near": True, "forged": "table_2 ekf", "tables": tables}
+    assert searches_reached([*papers_, changed]) == "4 of 6 near this paper's settings and 2 of 3 elsewhere"
+    assert searches_reached([changed]) == searches_reached([]) == ""
+
+
+def test_verdicts_by_a_stand_in_say_so() -> None:
+    page, judged = page_of(read_findings()), read_findings()["papers"]["mf_upf_learned"]["stand_in"]["same"]
+    for claim in judged:
+        (line,) = [line for line in page.splitlines() if line.startswith(f"- [{claim}]")]
+        assert "a stand-in was flown" in line
+    assert page.count("a stand-in was flown") == len(judged)
 
 
 def test_the_files_hold_every_number_and_every_unknown() -> None:
