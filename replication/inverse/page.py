@@ -82,7 +82,7 @@ def _claim(claim: str, found: Mapping[str, Any], bank: Mapping[str, Any]) -> str
     shares = [escaped(share_of_settings(found))]
     common = found.get("probability_with_one_process_noise")
     if only_if(found) and common is not None:
-        shares.append(f"{100 * common:.2g} % with one for all")
+        shares.append(f"{100 * common:.2g} % with one process noise for all")
     shares += [f"mostly where {escaped(_interval(each))}" for each in found["settings"][:1]]
     shares += _by_stand_in(claim, bank.get("stand_in", {}))
     return (

@@ -24,7 +24,7 @@ def test_the_search_reaches_papers_that_were_flown_and_not_the_forged_one(linear
     rows = searched_table(found).splitlines()
     assert rows[0] == "| setting | all tables |"
     distance, limit = every[-1]["distance"], every[-1]["honest"][1]
-    forged = f"near this paper's; Table 1, one \N{MULTIPLICATION SIGN} 2"
+    forged = "near this paper's; Table 1, one \N{MULTIPLICATION SIGN} 2"
     assert rows[-1] == f"| {forged} | **not reached**: {distance:.0f} ({limit:.0f}) |"
 
 
