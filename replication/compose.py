@@ -60,6 +60,7 @@ def _claim(judgement: Judgement, experiments: tuple[Experiment, ...]) -> Claim:
         missing=judgement.missing,
         undecided=judgement.undecided,
         stated=any(item.outcome == "holds" for item in judgement.evidence if item.main),
+        fails=any(item.outcome == "fails" for item in judgement.evidence),
     )
 
 

@@ -61,7 +61,10 @@ class Judgement:
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """The interpretations in which the claim holds, by family; empty unless ``reproduced only if``."""
+        """The interpretations in which the claim holds, by family; empty unless ``reproduced only if``.
+
+        One that only adds something to another of them is left out: that one covers it.
+        """
         if self.verdict != "reproduced only if":
             return ()
         words = []
@@ -70,7 +73,7 @@ class Judgement:
             holding = sum(item.outcome == "holds" for item in of_it)
             if holding:
                 words.append(family if holding == len(of_it) else f"{family} ({holding} of {len(of_it)} settings)")
-        return tuple(words)
+        return tuple(each for each in words if not any(each.endswith(f", {wider}") for wider in words))
 
     @property
     def undecided(self) -> bool:

@@ -99,6 +99,10 @@ def found_in_words(judgement: Judgement) -> str:
         claimed = ""
         if math.isfinite(part.published):
             claimed = f" (paper {shown_number(part.published, _printed(part.published))})"
+        if part.unit == "×" and interval.low == 0:  # the size that it is over is not told from zero
+            low, high = number.shown_interval.strip("[]").split(", ")
+            words.append(f"{part.what}: {OUTCOMES[effect.outcome]}, the ratio's interval is {low} to {high}")
+            continue
         words.append(f"{part.what} {number.shown}{unit} {number.shown_interval}".rstrip() + claimed)
     told = () if judgement.verdict == "reproduced only if" else mains[1:]
     others = [f"{item.interpretation.words}: {OUTCOMES[item.outcome]}" for item in told]

@@ -12,7 +12,7 @@ from relnav_sim.report.tables import Number, decimals_for
 FINDINGS = Path(__file__).parent / "inverse" / "findings.json"
 PAPER_OF = {"alpha_kf": "alpha_kf", "mf_upf": "mf_upf", "mf_upf_learned": "mf_upf", "two_step_kf": "two_step_kf"}
 """The paper of each bank: that of Wei et al. has one for the particle filter, and one with its learned dynamics."""
-_PLAIN = {("the process noise", ("one for all",)): "each filter has its own process noise"}
+_PLAIN = {("the process noise", ("one for all",)): "process noises differ between filters"}
 """Conditions in plain words, by the setting and the choices that it excludes."""
 
 
@@ -32,8 +32,9 @@ def read_findings(path: Path = FINDINGS) -> Mapping[str, Any]:
 
 
 def possible(findings: Mapping[str, Any], claim: str) -> str:
-    """Return in which share of the settings a claim holds, and what it can't do without; nothing without a finding.
+    """Return in which share of the settings a claim holds, and what nearly all of these have; else nothing.
 
+    What they have is needed, not enough: the claim may fail in a stated setting that has it.
     Where a claim mostly holds stands on the page of the settings.
     """
     for bank in findings.values():
@@ -42,7 +43,7 @@ def possible(findings: Mapping[str, Any], claim: str) -> str:
             return f"impossible: {why_impossible(found, bank)}"
         if found:
             needed, share = only_if(found), share_of_settings(found)
-            return f"possible only if {needed} ({share} of settings)" if needed else f"{share} of settings"
+            return f"{share} of settings" + (f", nearly all where {needed}" if needed else "")
     return ""
 
 

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import takewhile
 from typing import Any
 
 from relnav_sim.report.tables import plain_markdown
 from replication.findings import PAPER_OF, possible, sentence_lines
-from replication.papers import papers
+from replication.papers import paper_of, papers
 from replication.summary import Claim, Summary
 
 TITLE = "Three papers, claim by claim"
 EVIDENCE_PAGE = "replication-evidence.md"
+LITERAL = "filters.md#as-published"
 SETTINGS_PAGE = "replication-settings.md"
 """Written by replication/inverse with its findings."""
 _SHOWN_CONDITIONS = 3
+_SHARED_WORDS = 3
 SIZES = {
     "trial": "A trial of a few minutes: three runs of each case, shortened. Its verdicts mean nothing.",
     "full": "Campaigns at full size; `replication/full/` holds their summaries. `make reproduce` computes some runs "
@@ -33,7 +36,8 @@ THRESHOLDS = (
 INTERVALS = (
     "Intervals decide, at 95 % over runs: an effect holds when its whole interval is in the rule's range, fails when "
     "none of it is, and is undecided in between; a claim is undecided where only more runs could tell. It is "
-    "reproduced when all its effects hold in all main interpretations, and “reproduced only …” when they hold in some; "
+    "reproduced when all its effects hold in all main interpretations, and “reproduced only …” when they hold in some "
+    "and fail in others; where they fail in none, the others are undecided; "
     "“not reproduced as stated, only …” when they hold in other "
     "interpretations of what the paper leaves open, which share 5 % of error. For Shi et al. the main "
     "interpretations are one process noise for all filters, and the process noise of each filter tuned by `relnav "
@@ -60,7 +64,7 @@ def _introduction(summary: Summary) -> str:
     parts = [
         f"{SIZES[summary.size]} The filters took {summary.cpu_hours:.1f} CPU hours.",
         f"All interpretations, tables, figures and deviations from the papers: [the evidence]({EVIDENCE_PAGE}).",
-        "Flown word for word: [as published](filters.md#as-published).",
+        f"Flown word for word: [as published]({LITERAL}).",
     ]
     if summary.missing:
         parts.append(f"Not run yet: {plain_markdown(', '.join(summary.missing))}.")
@@ -75,6 +79,9 @@ def verdict_table(summary: Summary) -> str:
         sentence = possible(summary.findings, claim.number)
         if sentence:
             verdict += f"; {plain_markdown(sentence)}"
+        literal = paper_of(claim.number).word_for_word.get(claim.number)
+        if literal:
+            verdict += f"; [word for word]({LITERAL}) {plain_markdown(literal)}"
         link = f"[{claim.number}]({EVIDENCE_PAGE}#{claim.number.lower()}) {plain_markdown(claim.text.rstrip('.'))}"
         found, window = plain_markdown(claim.found), plain_markdown(claim.window)
         lines.append(f"| {link} | {verdict} | {found} | {window} | {claim.runs or '–'} |")
@@ -88,9 +95,28 @@ def verdict_in_words(claim: Claim) -> str:
     if claim.verdict == "reproduced only if" and claim.conditions:
         shown, more = claim.conditions[:_SHOWN_CONDITIONS], len(claim.conditions) - _SHOWN_CONDITIONS
         rest = f"; or in {more} more" if more > 0 else ""
+        if not claim.fails:  # then nothing says that it takes these
+            return f"reproduced {either(shown)}{rest}; else undecided"
         start = "reproduced only" if claim.stated else "not reproduced as stated, only"
-        return f"{start} {'; or '.join(shown)}{rest}"
+        return f"{start} {either(shown)}{rest}"
     return "undecided" if claim.undecided else claim.verdict
+
+
+def either(conditions: Sequence[str]) -> str:
+    """Return conditions of which one is enough; what they begin with in common is said once.
+
+    Example:
+        >>> either(["with a start error of 10 m", "with a start error of 50 m"]), either(["if a", "if b"])
+        ('with a start error of 10 m or 50 m', 'if a; or if b')
+    """
+    words = [condition.split() for condition in conditions]
+    shared = [each[0] for each in takewhile(lambda each: len(set(each)) == 1, zip(*words, strict=False))]
+    while shared and not (shared[-1].isalpha() and shared[-1].islower()):  # a formula stays whole
+        shared.pop()
+    rests = [" ".join(each[len(shared) :]) for each in words]
+    if len(rests) == 1 or len(shared) < _SHARED_WORDS or not all(rests):
+        return "; or ".join(conditions)
+    return f"{' '.join(shared)} {', '.join(rests[:-1])} or {rests[-1]}"
 
 
 def verdict_lines(summary: Summary) -> list[tuple[str, str, str]]:

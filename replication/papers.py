@@ -21,6 +21,7 @@ class Paper:
         silent: What it doesn't say.
         contradictions: Sentences and numbers of it that exclude each other.
         claims: Text by number of the claim.
+        word_for_word: What the paper flown word for word gives instead, by number of the claim.
         content: Everything in papers.yaml, its tables by number included.
     """
 
@@ -32,6 +33,7 @@ class Paper:
     silent: tuple[str, ...]
     contradictions: tuple[str, ...]
     claims: dict[str, str]
+    word_for_word: dict[str, str]
     content: dict[str, Any]
 
 
@@ -51,6 +53,7 @@ def papers() -> dict[str, Paper]:
             silent=tuple(entry["silent"]),
             contradictions=tuple(entry["contradictions"]),
             claims={number: " ".join(text.split()) for number, text in entry["claims"].items()},
+            word_for_word=entry.get("word_for_word", {}),
             content=entry,
         )
         for key, entry in yaml.safe_load(text).items()

@@ -33,6 +33,7 @@ class Claim:
         missing: Interpretations that were not run.
         undecided: Not reproduced, but no main interpretation contradicts the claim either: too few runs.
         stated: With ``reproduced only if``: whether it holds in a main interpretation, not in another one alone.
+        fails: Whether an interpretation contradicts the claim; if none does, those without it are undecided.
     """
 
     number: str
@@ -48,6 +49,7 @@ class Claim:
     missing: tuple[str, ...] = ()
     undecided: bool = False
     stated: bool = True
+    fails: bool = True
 
 
 @dataclass(frozen=True)

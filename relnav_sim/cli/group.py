@@ -23,15 +23,20 @@ _ELSEWHERE = {
 
 
 class Command(TyperCommand):
-    """A command whose help names no type for a flag, which takes no value."""
+    """A command: a mistake in its arguments is a sentence; its help names no type for a flag, which takes no value."""
+
+    def make_context(self, *args: Any, **extra: Any) -> Any:
+        """Return the context of the arguments."""
+        with _in_a_sentence():
+            return super().make_context(*args, **extra)
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the parameters, that of help with them."""
         return flags_unlabelled(super().get_params(ctx))
 
 
-class Commands(TyperGroup):
-    """The commands of relnav; a mistake in the arguments of one is a sentence, as any other mistake is."""
+class Group(TyperGroup):
+    """Commands; a mistake in the arguments of one, or a command that is not there, is a sentence."""
 
     def make_context(self, *args: Any, **extra: Any) -> Any:
         """Return the context of the options before the command."""
@@ -51,11 +56,26 @@ class Commands(TyperGroup):
         """Return the command; for one that is not there say which was probably meant, and end."""
         word = args[0] if args else ""
         if word and not word.startswith("-") and self.get_command(ctx, word) is None:
-            meant = _meant(word, self.list_commands(ctx))
-            hint = f"did you mean {meant}?" if meant else "relnav --help lists the commands"
+            meant = self.meant(word, ctx)
+            hint = f"did you mean {meant}?" if meant else f"{ctx.command_path} --help lists the commands"
             say(f"relnav: no command is named {word!r}; {hint}", err=True)
             raise typer.Exit(Exit.BAD_INPUT)
         return super().resolve_command(ctx, args)
+
+    def meant(self, word: str, ctx: Any) -> str:
+        """Return the whole command that a word probably stands for, or nothing."""
+        from relnav_sim.near_names import nearest
+
+        near = nearest(word, self.list_commands(ctx))
+        return f"{ctx.command_path} {near}" if near else ""
+
+
+class Commands(Group):
+    """The commands of relnav, which know what other programs call them."""
+
+    def meant(self, word: str, ctx: Any) -> str:
+        """Return the whole command that a word probably stands for, or nothing."""
+        return _meant(word, self.list_commands(ctx))
 
 
 @contextmanager

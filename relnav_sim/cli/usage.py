@@ -28,7 +28,10 @@ def usage_in_words(error: Any) -> str:
     context = error.ctx
     command = context.command_path if context is not None else "relnav"
     wrong = _wrong(error)
-    return f"relnav: {wrong}" if wrong.endswith("?") else f"relnav: {wrong}; {command} --help lists its options"
+    if wrong.endswith("?"):
+        return f"relnav: {wrong}"
+    lists = "lists the commands" if wrong == "missing command" else "lists its options"
+    return f"relnav: {wrong}; {command} --help {lists}"
 
 
 def _wrong(error: Any) -> str:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer.core import TyperGroup
 
 from relnav_sim.cli.failures import UserError, guarded
-from relnav_sim.cli.group import Command, flags_unlabelled
+from relnav_sim.cli.group import Command, Group
 from relnav_sim.cli.interrupts import ending_promptly
 from relnav_sim.cli.output import say
 
@@ -23,14 +22,6 @@ PaperArgument = Annotated[str, typer.Argument(metavar="PAPER", help=f"{{{'|'.joi
 OutOption = Annotated[Path, typer.Option(metavar="FOLDER", help="The folder with the banks.")]
 FindingsOption = Annotated[Path, typer.Option(metavar="FILE", help="The file of findings.")]
 OUT, FILE = Path("results/inverse"), Path("replication/inverse/findings.json")
-
-
-class Group(TyperGroup):
-    """The commands; their help reads as relnav's does."""
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """Return the parameters, that of help with them."""
-        return flags_unlabelled(super().get_params(ctx))
 
 
 app = typer.Typer(cls=Group, add_completion=False, pretty_exceptions_enable=False)

@@ -17,11 +17,6 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def folded(summary: str, content: str) -> str:
-    """Return content that opens at a click."""
-    return f'<details markdown="1"><summary>{summary}</summary>\n\n{content}\n</details>\n'
-
-
 def escaped(text: str) -> str:
     """Return text so that Markdown shows it as written."""
     return plain_markdown(text)

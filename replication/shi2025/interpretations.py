@@ -17,7 +17,7 @@ TUNED_GAUSSIAN, TUNED_MIXTURE = (0, 1, 2), (3, 4, 3)
 """Cases of alpha_kf_tuned, one for each tuning seed; two seeds found the same values."""
 
 COMMON_WORDS = "with the same process noise in all filters"
-_TUNED_WORDS = "with the process noise tuned for each filter"
+_TUNED_WORDS = "with the best process noise of each filter"
 IMPLIED_WORDS = "if each filter has the process noise that its own published radial bias implies"
 
 

@@ -14,14 +14,17 @@ from replication.__main__ import app
         (["--in-full", "nowhere"], "--in-full goes with --docs"),
         (["--docs", "docs", "--full"], "--docs runs nothing"),
         (["--docs", "docs", "--out", "here"], "--docs runs nothing"),
+        (["--full", "--nosuch"], "relnav: no option is named --nosuch; did you mean --out?"),
+        (["--full", "nosuch"], "relnav: got unexpected extra argument(s) (nosuch); reproduce --help lists its options"),
         (["--in-full", "nowhere", "--docs", "docs"], "nowhere is no folder that make reproduce-full has written"),
     ],
 )
 def test_mistakes_are_told(arguments, sentence, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(app, arguments)
+    result = CliRunner().invoke(app, arguments, prog_name="reproduce")
     assert result.exit_code == 2
     assert sentence in result.stderr
+    assert "Usage" not in result.stderr
     assert not list(tmp_path.iterdir())
 
 

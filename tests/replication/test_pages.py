@@ -12,19 +12,19 @@ from relnav_sim.report.tables import Column, Number, Row, Table, Words
 from relnav_sim.statistics.intervals import Interval
 from replication import findings as findings_module
 from replication.committed import FOLDER, committed
-from replication.compose import summarised
-from replication.effects import Effect
-from replication.evidence import as_told
+from replication.compose import RULES, summarised
+from replication.effects import Effect, Evidence, Judgement
+from replication.evidence import as_told, found_in_words
 from replication.evidence_page import evidence_page
 from replication.findings import only_if, possible, read_findings, share_of_settings
 from replication.html_page import html_page
 from replication.listed import deviation_table, literal_text
 from replication.measured import Measured
-from replication.pages import markdown_page, verdict_in_words, verdict_lines
+from replication.pages import either, markdown_page, verdict_in_words, verdict_lines
 from replication.papers import papers
 from replication.plan import PLAN
 from replication.reproduce import DOCS_FIGURES
-from replication.rules import Part
+from replication.rules import Interpretation, Part, Rule
 from replication.summary import Claim, Experiment, PaperPart, Plot, Summary, written
 
 ROOT = Path(__file__).parents[2]
@@ -115,8 +115,8 @@ def test_the_page_of_evidence():
 def test_findings_of_the_inference_are_shown():
     summary = small_summary(findings=FINDINGS)
     page = markdown_page(summary)
-    assert "possible only if e is &gt; 0.01 or 1 (2.0 % \\[1.0, 4.0\\] of settings)" in page
-    assert "“the same R and Q”: no setting satisfies it (p = 0.0001)." in page
+    assert "2.0 % \\[1.0, 4.0\\] of settings, nearly all where e is &gt; 0.01 or 1 |" in page
+    assert "the same R and Q: no setting satisfies it (p = 0.0001)." in page
     assert "20000 (Shi et al. 2025)" in page and "(replication-settings.md)" in page
     assert "mostly where" not in page
     assert possible(FINDINGS, "B1") == ""
@@ -131,7 +131,7 @@ def test_findings_of_the_inference_are_shown():
 
 def test_a_condition_has_plain_words():
     choices = [{"name": "the process noise", "choices": ["one for each filter"], "excluded": ["one for all"]}]
-    assert only_if({"choices": choices}) == "each filter has its own process noise"
+    assert only_if({"choices": choices}) == "process noises differ between filters"
 
 
 def test_digits_of_a_share_follow_its_interval():
@@ -180,7 +180,7 @@ def test_the_html_page_is_whole_and_escaped(tmp_path):
     (tmp_path / "fig.png").write_bytes(b"\x89PNG")
     page = html_page(small_summary(findings=FINDINGS), tmp_path)
     assert "no &lt;b&gt;" in page
-    assert "possible only if e is &gt; 0.01" in page
+    assert "nearly all where e is &gt; 0.01" in page
     assert "data:image/png;base64,iVBORw==" in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert page.count('id="A1"') == 1
@@ -194,6 +194,36 @@ def test_verdicts_in_words():
     assert verdict_in_words(other) == "not reproduced as stated, only if a"
     many = replace(small_summary().claims[0], conditions=("if a", "if b", "if c", "if d"))
     assert verdict_in_words(many) == "reproduced only if a; or if b; or if c; or in 1 more"
+    only = replace(small_summary().claims[0], conditions=("with a start error of 1 m", "with a start error of 2 m"))
+    assert verdict_in_words(only) == "reproduced only with a start error of 1 m or 2 m"
+    assert verdict_in_words(replace(only, fails=False)) == "reproduced with a start error of 1 m or 2 m; else undecided"
+    formula = ("against a start of covariance P + R", "against a start of covariance P + 2 R")
+    assert either(formula) == "against a start of covariance P + R or P + 2 R"
+
+
+def test_only_names_what_others_fail_without():
+    """Three interpretations of known figures: both that hold name one condition; the third fails or is undecided."""
+    rule = next(rule for rule in RULES if rule.claim == "B5")
+    holds, wider, third = rule.main[0], rule.others[1], rule.main[1]
+    assert wider.words.endswith(f", {holds.words}")
+    evidence = [Evidence(each, True, (), "holds", "") for each in (holds, wider)]
+    for outcome in ("fails", "open"):
+        found = (*evidence, Evidence(third, True, (), outcome, ""))
+        assert Judgement(rule, found, "reproduced only if", ()).conditions == (holds.words,)
+
+
+def test_a_ratio_that_may_be_nought_is_told_by_its_interval():
+    part = Part("outliers, below that of b", "margin", ("a",), "r", "%", ("b",), at_least=0.0)
+    rule = Rule("A10", "", (part,), (Interpretation("one", "as one"),))
+    effect = Effect(part, Interval(-2900.0, -5900.0, 120.0, 0.95, 100), "open")
+    item = Evidence(rule.main[0], True, (effect,), "open", "")
+    words = found_in_words(Judgement(rule, (item,), "not reproduced", ()))
+    assert words == "Outliers, over that of b: undecided, the ratio's interval is 0 to 60"
+
+
+def test_what_a_paper_gives_word_for_word_stands_with_the_verdict(of_committed):
+    (row,) = [line for line in markdown_page(of_committed).splitlines() if line.startswith("| [B1]")]
+    assert "[word for word](filters.md#as-published) the listed steps diverge" in row
 
 
 def test_the_summary_is_plain_json():

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from replication.inverse.__main__ import app
 from replication.inverse.findings import FILE, read_findings
 from replication.inverse.page import PAGE, page_of
+from replication.inverse.page_evidence import searches_reached
 from replication.inverse.page_files import files_of
 from replication.papers import papers
 
@@ -45,8 +46,32 @@ def test_synthetic_papers_that_were_searched_are_shown() -> None:
     }
     known = [{"near": True, "forged": "", "tables": tables}, {"near": True, "forged": "table_2 ekf", "tables": tables}]
     page = page_of({"papers": {"alpha_kf": bank | {"searched": known}}})
-    assert "| near this paper's | 90 (120) | 80 (50) |" in page
-    assert "| near this paper's; Table 2, EKF \N{MULTIPLICATION SIGN} 2 | 90 (120) | 80 (50) |" in page
+    assert "| near this paper's | reached: 90 (120) | **not reached**: 80 (50) |" in page
+    assert (
+        "| near this paper's; Table 2, EKF \N{MULTIPLICATION SIGN} 2 | reached: 90 (120) | **not reached**: 80 (50) |"
+        in page
+    )
+    (told,) = [line for line in page.splitlines() if line.startswith("- No one setting was found for")]
+    assert told.endswith("the same search reached 1 of 2 near this paper's settings.")
+    without = {key: value for key, value in bank.items() if key != "searched"}
+    assert "the same search reached" not in page_of({"papers": {"alpha_kf": without}})
+
+
+def test_tables_that_a_search_reached_are_counted_near_and_elsewhere_without_changed_ones() -> None:
+    within, beyond = ({"distance": distance, "honest": [40.0, 50.0]} for distance in (50.0, 50.1))
+    tables = {"all tables": beyond, "table_2": within, "table_3": within}
+    papers_ = [{"near": near, "forged": "", "tables": tables} for near in (True, True, False)]
+    changed = {"near": True, "forged": "table_2 ekf", "tables": tables}
+    assert searches_reached([*papers_, changed]) == "4 of 6 near this paper's settings and 2 of 3 elsewhere"
+    assert searches_reached([changed]) == searches_reached([]) == ""
+
+
+def test_verdicts_by_a_stand_in_say_so() -> None:
+    page, judged = page_of(read_findings()), read_findings()["papers"]["mf_upf_learned"]["stand_in"]["same"]
+    for claim in judged:
+        (line,) = [line for line in page.splitlines() if line.startswith(f"- [{claim}]")]
+        assert "a stand-in was flown" in line
+    assert page.count("a stand-in was flown") == len(judged)
 
 
 def test_the_files_hold_every_number_and_every_unknown() -> None:
@@ -91,13 +116,18 @@ def test_findings_have_what_their_readers_take() -> None:
         (["infer", "alpha_kf", "--out", "nowhere"], "nowhere/alpha_kf holds no bank"),
         (["infer", "alpha"], "there is no paper 'alpha'; give one of alpha_kf, mf_upf, mf_upf_learned, two_step_kf"),
         (["bank", "alpha_kf", "--size", "150"], "give a multiple of 100"),
+        ([], "relnav: missing command; inverse --help lists the commands"),
+        (["nosuch"], "relnav: no command is named 'nosuch'; inverse --help lists the commands"),
+        (["chek"], "relnav: no command is named 'chek'; did you mean inverse check?"),
+        (["infer"], "relnav: missing argument 'PAPER'; inverse infer --help lists its options"),
+        (["page", "--nosuch"], "relnav: no such option: --nosuch; inverse page --help lists its options"),
     ],
 )
 def test_a_mistake_is_one_sentence(arguments: list[str], words: str) -> None:
-    result = CliRunner().invoke(app, arguments)
+    result = CliRunner().invoke(app, arguments, prog_name="inverse")
     assert result.exit_code == 2
     assert words in result.output
-    assert "Traceback" not in result.output
+    assert "Traceback" not in result.output and "Usage" not in result.output
 
 
 def test_the_page_is_written(tmp_path: Path) -> None:
