@@ -30,10 +30,9 @@ _STAND_IN = """In {settings} settings the published filter with {particles} part
 {high} times the stand-in's RMS position error (80 % of them; median {middle}).
 """
 _BEST = """From the bank's nearest settings the search moves single settings across their range and steps downhill, as
-long as that pays. Its last quarter still lowered the misfit, -2 log likelihood, by {least:.0f} to {most:.0f}: a longer
-search may find a better setting. Residuals are printed less found in standard deviations (std) of a single run, the
-last digit's rounding counted. The distance sums their squares (large ones count less); a consistent paper's is that to
-its own setting.
+long as that pays. Its last quarter {gain}; other starts may lead to a better setting. Residuals are printed less found
+in standard deviations (std) of a single run, the last digit's rounding counted. The distance sums their squares (large
+ones count less); a consistent paper's is that to its own setting.
 """
 _SEARCHED = """The same search on synthetic papers whose settings are known: the distance of the best setting found, in
 brackets the limit that 95 % of consistent papers keep. A table is reached when its distance is within the limit, where
@@ -111,7 +110,8 @@ def _best(found: Mapping[str, Any]) -> Iterator[str]:
     """Yield how near the best settings come, how the search ended, and the tables beside them."""
     yield "### The best settings\n"
     gains = [each["misfit"][1] - each["misfit"][2] for each in found["best"].values()]
-    yield _BEST.format(least=min(gains), most=max(gains))
+    lowered = f"still lowered the misfit, -2 log likelihood, by {min(gains):.0f} to {max(gains):.0f}"
+    yield _BEST.format(gain=lowered if max(gains) >= 1 else "brought nothing")
     rows = (
         (
             column_words(name),
