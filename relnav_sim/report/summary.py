@@ -107,8 +107,9 @@ def _largest_difference(ranking: Ranking) -> str:
         max(sizes) >= ranking.case.matters_percent
         and max(found.difference.runs for found in against) < max(needed) < _MANY_RUNS
     )
-    between = " between all of them" if len(needed) > 1 else ""
-    return f"{text}; about {float(f'{max(needed):.2g}'):.0f} runs would decide{between}" if worth_saying else text
+    others = "each of the others" if len(needed) > 1 else ranking.undecided[0].name
+    runs = f"{float(f'{max(needed):.2g}'):.0f}"
+    return f"{text}; about {runs} runs would tell {ranking.best.name} from {others}" if worth_saying else text
 
 
 def _behind(standings: Sequence[Standing]) -> str:
