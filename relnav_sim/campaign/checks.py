@@ -51,9 +51,11 @@ def check_together(parts: Parts, tried: TriedSensors) -> Iterator[Problem]:
         if parts.sensors is not None:
             yield from _check_periods(parts.sensors, parts.clock)
         if parts.statistics is not None and parts.statistics.settle_s >= parts.clock.duration_s:
+            which = "" if "settle_s" in parts.statistics.model_fields_set else ", the default,"
             yield Problem(
                 ("statistics", "settle_s"),
-                f"{parts.statistics.settle_s:g} s leaves nothing of a run of {parts.clock.duration_s:g} s",
+                f"{parts.statistics.settle_s:g} s{which} leaves nothing of a run of {parts.clock.duration_s:g} s; "
+                "write a smaller one under statistics, or a longer clock.duration_s",
             )
         if parts.truth is not None:
             yield from _check_manoeuvres(parts.truth, parts.clock)

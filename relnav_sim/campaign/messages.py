@@ -11,12 +11,13 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from relnav_sim.campaign.paths import has, inside, value_at
-from relnav_sim.campaign.problems import SHOWN, Path, Problem, did_you_mean, dotted, listed, quoted
+from relnav_sim.campaign.problems import MOST_NAMED, SHOWN, Path, Problem, did_you_mean, dotted, listed, quoted
 from relnav_sim.campaign.shape import Shape
 from relnav_sim.campaign.units import meant_key, meant_value
 from relnav_sim.filters.registry import double_only, filter_kinds
+from relnav_sim.wording import first_of
 
-MOST_KEYS_NAMED = 14
+_MOST_KINDS_NAMED = 14
 _PLAIN = 1e12  # numbers from here on are shown with an exponent
 
 
@@ -106,19 +107,19 @@ def unknown_key(key: str, value: Any, section: Shape, whole: Shape, kinds: Seque
     meant = [] if key in section.keys else section.keys
     known_elsewhere = bool(kinds or whole.homes.get(key))  # and so no misspelling of what is known here
     hint = meant_key(key, value, meant) or ("" if known_elsewhere else did_you_mean(key, meant))
-    if not hint and 0 < len(kinds) <= MOST_KEYS_NAMED:
+    if not hint and 0 < len(kinds) <= _MOST_KINDS_NAMED:
         hint = f"; it belongs to the kind {listed(list(map(quoted, kinds)))}"
     homes = list(dict.fromkeys(whole.homes.get(key, ()))) if not hint else []
     if homes:
         words = [quoted(dotted(home)) if home else "the top level" for home in homes[:3]]
         hint = f"; it belongs in {listed(words)}"
-    elif not hint and 0 < len(section.keys) <= MOST_KEYS_NAMED:
+    elif not hint and section.keys:
         return _known_here(section)
     return f"unknown key{hint}"
 
 
 def _known_here(section: Shape) -> str:
-    return f"unknown key; known here: {', '.join(section.keys)}"
+    return f"unknown key; known here: {first_of(list(section.keys), MOST_NAMED)}"
 
 
 def _unknown_kind(value: Any, section: Shape | None) -> str:

@@ -13,7 +13,8 @@ Path = tuple[str | int, ...]
 
 SHOWN = 100
 """Problems listed at most: nobody reads on, and a hostile file must stay cheap."""
-_MOST_NAMED = 24  # known names, where none is near
+MOST_NAMED = 24
+"""Known names listed at most where none is near."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 def no_such(what: str, word: str, known: Iterable[str]) -> str:
     """Return the sentence that nothing of a kind has this name, with the nearest name or all of them."""
     known = list(known)
-    hint = did_you_mean(word, known) or f"; there are {first_of(known, _MOST_NAMED)}"
+    hint = did_you_mean(word, known) or f"; there are {first_of(known, MOST_NAMED)}"
     return f"no {what} is named {quoted(word)}{hint}"
 
 

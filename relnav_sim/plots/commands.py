@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
 _CHANGING = ("--set", "--runs")
-_SWITCHES = ("--fresh", "--fail-fast", "--trace", "--stress")
+_SWITCHES = ("--fresh", "--fail-fast", "--quiet", "-q", "--verbose", "-v", "--trace", "--stress")
+"""The options without a value; a test compares them with the command's own, which this module may not import."""
 
 
 def reproduce_commands(results: Results, axes: Axes) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from relnav_sim.results.by_channel import ByChannel
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.sensors import sensor_kinds
+from relnav_sim.sensors.interface import Role
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
 from relnav_sim.statistics.correlation import integrated_time
 from relnav_sim.statistics.divergence import diverged_runs
@@ -51,6 +52,7 @@ class FilterFacts(RunFigures):
         times_own_bound: The same of the bound of the filter's own model.
         augmented: What it found out about its augmented states; None where it has none.
         by_sensor: What came of each of its sensors; None where the result does not tell them apart.
+        host_mixtures: Sensors of a craft's own attitude and orbit whose noise is a mixture; bounds take its covariance.
         mixture_sensors: Sensors whose noise is a mixture of Gaussians, so that innovations are not Gaussian and only
             the mean of the NIS is known.
         observability: What its sensors can tell it of the state; None where the result does not say.
@@ -79,6 +81,7 @@ class FilterFacts(RunFigures):
     augmented: AugmentedStates | None = None
     by_sensor: BySensor | None = None
     stored_between: Mapping[str, int] = field(default_factory=dict)
+    host_mixtures: tuple[str, ...] = ()
     mixture_sensors: tuple[str, ...] = ()
     observability: Observability | None = None
     named_sensors: tuple[str, ...] = ()
@@ -210,6 +213,7 @@ def filter_facts(results: Results, index: int, name: str, axes: Axes, settled: M
         augmented=results.augmented(index, name),
         by_sensor=by_sensor,
         stored_between=stored_epochs_between(results, index, sensors or (), times_s),
+        host_mixtures=_host_mixtures(results, index),
         mixture_sensors=_mixture_sensors(results, index, sensors),
         observability=results.observability(index, name),
         named_sensors=results.named_sensors(index, name),
@@ -233,6 +237,12 @@ def _false_rejections(results: Results, index: int, name: str) -> float:
     return 1 - probability if isinstance(probability, float) else np.nan
 
 
+def _host_mixtures(results: Results, index: int) -> tuple[str, ...]:
+    sensors = results.campaign_content.get("sensors", {})
+    frames = ("attitude", "orbit")
+    return tuple(name for name in sensors if _role(sensors[name], name) in frames and _is_mixture(results, index, name))
+
+
 def _mixture_sensors(results: Results, index: int, used: Sequence[str] | None) -> tuple[str, ...]:
     """Return the sensors with innovations of mixture noise, whatever the filter is told; of all where none are named.
 
@@ -242,13 +252,14 @@ def _mixture_sensors(results: Results, index: int, used: Sequence[str] | None) -
     mixtures = tuple(sensor for sensor in sensors if _is_mixture(results, index, sensor))
     if used is None:
         return mixtures
-    of_hosts = any(_is_of_host(sensor, sensors[sensor]) for sensor in mixtures)
+    of_hosts = any(_role(sensors[sensor], sensor) not in ("other", None) for sensor in mixtures)
     return tuple(sensor for sensor in used if of_hosts or sensor in mixtures)
 
 
-def _is_of_host(sensor: str, options: Mapping[str, Any]) -> bool:
+def _role(options: Mapping[str, Any], sensor: str) -> Role | None:
+    """Return what a sensor measures; None where its kind is not known here."""
     kind = sensor_kinds().get(options.get("kind", sensor))
-    return kind is not None and kind.role != "other"
+    return None if kind is None else kind.role
 
 
 def _is_mixture(results: Results, index: int, sensor: str) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.plots.run_figures import RunFigures, Span, headline_span, run_figures
-from relnav_sim.report.comparison_table import decided_at, fewest_in_words, p_number, verdict_in_words
+from relnav_sim.report.comparison_table import DECIDED_AT, decided_at, fewest_in_words, p_number, verdict_in_words
 from relnav_sim.report.metrics import (
     CONVERGENCE,
     POSITION_RMS,
@@ -215,8 +215,8 @@ def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]], la
                 opens_block=key.metric is POSITION_RMS,
             )
         )
-    headings = ("filters", "quantity", first.name, second.name, "difference", "%", "verdict", "p", "runs")
-    words = ("filters", "quantity", "verdict", "runs")
+    headings = ("filters", "quantity", first.name, second.name, "difference", "%", "verdict", "p", "decided at")
+    words = ("filters", "quantity", "verdict", "decided at")
     return Table(
         name="comparison",
         title=f"{first.name} against {second.name}",
@@ -224,7 +224,7 @@ def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]], la
         + "First minus second on their common runs that failed in neither: mean over runs, 95 % interval. The "
         "verdict is the first's. Verdicts, intervals of differences and p (sign-flip test, after Holm) hold at 95 % "
         "for all rows together: zero lies in an interval where the verdict is undecided. "
-        f"{fewest_in_words(len(found), 'row')}",
+        f"{DECIDED_AT} {fewest_in_words(len(found), 'row')}",
         corner="case",
         columns=tuple(Column(heading, numeric=heading not in words) for heading in headings),
         rows=tuple(rows),

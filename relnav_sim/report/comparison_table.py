@@ -10,6 +10,11 @@ from relnav_sim.wording import counted
 
 _MANY_RUNS = 100_000
 
+DECIDED_AT = (
+    "Decided at: runs at which a difference of this size, whether or not it matters, would be significant with a "
+    "probability of 0.8."
+)
+
 
 def comparison_table(ranking: Ranking) -> Table:
     """Return every pair of filters of a case: by how much they differ, whether that is decided, how many runs would."""
@@ -39,8 +44,7 @@ def comparison_table(ranking: Ranking) -> Table:
         title=f"Comparison of filters ({case.when})",
         caption="First minus second on their common runs: mean over runs with its 95 % interval. The verdict is the "
         "first's. Verdicts, intervals and p (sign-flip test, after Holm) hold at 95 % for all pairs of the case "
-        "together: zero lies in an interval where the verdict is undecided. Decided at: runs at which a difference of "
-        "this size would be significant with a probability of 0.8. "
+        f"together: zero lies in an interval where the verdict is undecided. {DECIDED_AT} "
         f"{fewest_in_words(len(ranking.position), 'pair')}",
         corner="filters",
         columns=tuple(columns),

@@ -169,12 +169,13 @@ def _undecided(known: Background, name: str) -> dict[str, int]:
 
 
 def _others(decision: Decision, known: Background) -> Iterator[Sentence]:
-    """Yield the runner-up with what it loses, the others, and what is undecided."""
+    """Yield what the filters lose that are surely worse, the nearest first, and what is undecided."""
     choice = decision.overall
     worse = choice.with_effect("worse")
     if worse:
         loses = [[Clause(f"{name} loses "), _loss(decision, known, name)] for name in worse[:_MANY_FILTERS]]
-        loses[0][0] = Clause(f"Runner-up {worse[0]} loses ")
+        first = "Runner-up" if worse[0] == next(iter(choice.effects)) else "Surely worse:"
+        loses[0][0] = Clause(f"{first} {worse[0]} loses ")
         left = len(worse) - _MANY_FILTERS
         end = f"; {counted(left, 'more filter')} lose more." if left > 0 else "."
         yield (*joined(loses, ", "), Clause(end))
@@ -185,7 +186,9 @@ def _others(decision: Decision, known: Background) -> Iterator[Sentence]:
         )
         needed = [_needed(decision, name) for name in undecided]
         more = max((one for one in needed if one is not None), default=0)
-        end = f"; about {float(f'{more:.2g}'):.0f} runs would decide" if runs < more < _MANY_RUNS else ""
+        which = "each" if len(undecided) > 1 else "it"
+        apart = f"tell {which} from {choice.chosen}, or show {which} within ±{decision.margin_percent:g} % of it"
+        end = f"; about {float(f'{more:.2g}'):.0f} runs would {apart}" if runs < more < _MANY_RUNS else ""
         yield (Clause(f"Undecided at {counted(runs, 'run')}: "), *joined(parts, ", "), Clause(f"{end}."))
     if choice.set_aside:
         yield (Clause("Not compared: "), *joined(_set_aside(choice.set_aside, known), ", "), Clause("."))

@@ -47,6 +47,7 @@ def summarise(rankings: Sequence[Ranking]) -> tuple[str, ...]:
     sentences += [*_not_observable(computed), *_known_later(computed)]
     sentences += [
         *_limit(computed),
+        *_below_the_bound(computed),
         *_consistency(computed),
         *_convergence(computed),
         *cost_in_words(_per_filter(computed)),
@@ -107,8 +108,9 @@ def _largest_difference(ranking: Ranking) -> str:
         max(sizes) >= ranking.case.matters_percent
         and max(found.difference.runs for found in against) < max(needed) < _MANY_RUNS
     )
-    between = " between all of them" if len(needed) > 1 else ""
-    return f"{text}; about {float(f'{max(needed):.2g}'):.0f} runs would decide{between}" if worth_saying else text
+    others = "each of the others" if len(needed) > 1 else ranking.undecided[0].name
+    runs = f"{float(f'{max(needed):.2g}'):.0f}"
+    return f"{text}; about {runs} runs would tell {ranking.best.name} from {others}" if worth_saying else text
 
 
 def _behind(standings: Sequence[Standing]) -> str:
@@ -227,6 +229,34 @@ def _limit(rankings: Sequence[Ranking]) -> list[str]:
         f"it {diverged_note(diverged[0])}" if len(rankings) == 1 else f"it diverged in {counted(len(diverged), 'case')}"
     )
     return [f"{text}; {where}{', left out where in half of the runs' if len(known) < len(bounded) else ''}."]
+
+
+def _below_the_bound(rankings: Sequence[Ranking]) -> list[str]:
+    """Return why a filter may be better than the bound: what the bound counts as worse than it is, else what may be."""
+    found = [
+        (item.name, item.host_mixtures, ratio.high < 1)
+        for ranking in rankings
+        for item in (each.facts for each in ranking.ranked)
+        if math.isfinite((ratio := item.times_bound[ranking.case.span]).estimate) and not item.mostly_diverged
+    ]
+    below = listed(list(dict.fromkeys(name for name, _, surely in found if surely)))
+    mixtures = listed(list(dict.fromkeys(sensor for _, hosts, _ in found for sensor in hosts)))
+    if mixtures:
+        by_variance = (
+            f"The bound counts the mixture noise of {mixtures} by its variance: a filter may be better than it"
+        )
+        return [
+            f"{by_variance}, as {below} surely {'is' if ' and ' not in below else 'are'}."
+            if below
+            else by_variance + "."
+        ]
+    if not below:
+        return []
+    return [
+        f"Surely below the bound: {below}. No filter is so on average over truths and noise; the possible reasons are "
+        "chance among many filters and cases, an error that happens to help in the only truth that was flown, and "
+        "knowledge that a filter would not have in flight."
+    ]
 
 
 def _consistency(rankings: Sequence[Ranking]) -> list[str]:

@@ -114,7 +114,7 @@ def open_checked(path: Path, expected: str, whole: bool = False) -> h5py.File:
         except OSError as error:
             if isinstance(error, BlockingIOError):
                 raise in_use(path) from None
-            raise ResultsError(f"{path}: no HDF5 file, or a damaged one ({error})") from None
+            raise ResultsError(f"{path}: no HDF5 file, or a damaged one") from error
     try:
         _check_format(file, path, expected)
         if whole and not sealed and is_sealed(file):

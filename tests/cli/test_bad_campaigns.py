@@ -171,7 +171,14 @@ BAD = {
     "a storing time off the grid": (edit("store_every_s: 5", "store_every_s: 5.5"), "take 5 or 6"),
     "a storing time too long": (edit("store_every_s: 5", "store_every_s: 700"), "longer than the run"),
     "too many steps": (edit("step_s: 1 ", "step_s: 1e-6 "), "at most 10000000"),
-    "a settling time too long": (edit("settle_s: 120", "settle_s: 600"), "leaves nothing of a run"),
+    "a settling time too long": (
+        edit("settle_s: 120", "settle_s: 600"),
+        "statistics.settle_s: 600 s leaves nothing of a run of 600 s; write a smaller one",
+    ),
+    "a settling time of which the file says nothing": (
+        edit("duration_s: 600", "duration_s: 120").replace("settle_s: 120 #", "#"),
+        "statistics.settle_s: 500 s, the default, leaves nothing of a run of 120 s; write a smaller one under",
+    ),
     "an eccentricity of one": (edit("e: 0.001", "e: 1"), "truth.chief.orbit"),
     "a negative eccentricity": (edit("e: 0.001", "e: -0.1"), "truth.chief.orbit"),
     "an orbit below the surface": (edit("a_km: 6878", "a_km: 6378"), "truth.chief.orbit"),

@@ -41,4 +41,6 @@ def test_the_attitude_is_in_the_innovations_of_every_sensor(
     out = tmp_path / "mixtures.h5"
     run_campaign(parse_campaign(CAMPAIGN.replace("RADAR", radar).replace("TRACKER", tracker)), out, workers=1)
     with open_results(out) as results:
-        assert case_facts(results, 0).filters[0].mixture_sensors == expected
+        (facts,) = case_facts(results, 0).filters
+    assert facts.mixture_sensors == expected
+    assert facts.host_mixtures == (("star_tracker",) if tracker.startswith("mixture") else ())

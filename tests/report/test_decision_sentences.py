@@ -147,3 +147,28 @@ def test_the_error_budget_names_its_case_where_there_are_several() -> None:
     assert any(
         line.startswith("What would help most is not told: a is refused for another reason") for line in diverging
     )
+
+
+def _one_case(sizes: dict[str, float], half_percent: float) -> CaseEvidence:
+    """Return filters in the order of their size, whose differences are all known to ± a half width."""
+    candidates = tuple(
+        Candidate(name, _exactly(size), _exactly(size), RUNS, 0, 0, _exactly(1.0)) for name, size in sizes.items()
+    )
+    names = list(sizes)
+    differences = {}
+    for place, first in enumerate(names):
+        for second in names[:place]:
+            size = 100 * (sizes[first] / sizes[second] - 1)
+            percent = Interval(size, size - half_percent, size + half_percent, 0.95, RUNS)
+            differences[first, second] = Difference(percent, "worse" if percent.low > 0 else "undecided", percent)
+    return CaseEvidence(0, candidates, differences)
+
+
+def test_only_the_next_filter_is_a_runner_up_and_what_runs_would_decide_is_said() -> None:
+    # 20 (10 / 5)^2 = 80 runs shrink ±10 % to the 5 % by which b, the nearer of the two, lies above a.
+    said = _said([_one_case({"a": 1.0, "b": 1.05, "c": 1.051, "d": 2.5}, 10.0)])
+    assert "Surely worse: d loses 150 % [140, 160]." in said
+    assert said[2].startswith("Undecided at 20 runs: b ")
+    assert said[2].endswith("; about 80 runs would tell each from a, or show each within ±1 % of it.")
+    said = _said([_one_case({"a": 1.0, "d": 2.5, "e": 3.0}, 10.0)])
+    assert "Runner-up d loses 150 % [140, 160], e loses 200 % [190, 210]." in said

@@ -1,5 +1,6 @@
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from relnav_sim.report.ranking import Ranking, rank
 from relnav_sim.report.summary import summarise, verdict
 from relnav_sim.results import open_results
 from relnav_sim.statistics.consistency_verdict import Consistency, consistency_of
+from relnav_sim.statistics.intervals import Interval
 from relnav_sim.wording import counted, listed, significant
 
 ResultMaker = Callable[..., Path]
@@ -114,6 +116,37 @@ def test_runs_that_a_filter_lost_are_told(make_result: ResultMaker) -> None:
     late = {"ekf": {"outside_late": np.array([0.0, 0.3, 0.0, 0.0])}}
     text = " ".join(summarise(rankings_of(make_result(runs=4, summaries=late))))
     assert "Diverged, yet in every mean: ekf in 1 of 4 runs." in text
+
+
+def _with_ratios(ranking: Ranking, ratios: dict[str, Interval], mixtures: tuple[str, ...] = ()) -> Ranking:
+    """Return a ranking with other ratios to the bound."""
+    standings = tuple(
+        replace(
+            each,
+            facts=replace(
+                each.facts, times_bound=dict.fromkeys(("whole", "settled"), ratios[each.name]), host_mixtures=mixtures
+            ),
+        )
+        for each in ranking.standings
+    )
+    return replace(ranking, standings=standings)
+
+
+def test_a_ratio_surely_below_the_bound_is_explained(make_result: ResultMaker) -> None:
+    (ranking,) = rankings_of(make_result(filters={"kf": 1.0, "ekf": 0.5}, runs=10))
+    near, below = Interval(0.95, 0.9, 1.01, 0.95, 10), Interval(0.92, 0.87, 0.97, 0.95, 10)
+
+    def said(ratios: dict[str, Interval], *mixtures: str) -> list[str]:
+        return [each for each in summarise([_with_ratios(ranking, ratios, mixtures)]) if "he bound" in each]
+
+    assert said({"kf": near, "ekf": near}) == []
+    (sentence,) = said({"kf": near, "ekf": below})
+    assert sentence.startswith("Surely below the bound: ekf. ") and "possible reasons" in sentence
+    counted_by_variance = "The bound counts the mixture noise of star_tracker by its variance: a filter may be better"
+    assert said({"kf": near, "ekf": near}, "star_tracker") == [f"{counted_by_variance} than it."]
+    assert said({"kf": below, "ekf": below}, "star_tracker") == [
+        f"{counted_by_variance} than it, as ekf and kf surely are."
+    ]
 
 
 def test_few_runs_are_not_called_consistent(make_result: ResultMaker) -> None:
