@@ -52,21 +52,20 @@ def case_observability(config: CaseConfig) -> dict[str, Observability]:
     """
     looked = _Looked.at(config)
     found: dict[str, Observability | None] = {}
-    keys: dict[str, str] = {}
+    told: dict[tuple[object, ...], Observability | None] = {}
     for name, entry in config.filters.items():
-        keys[name] = f"{_motion_key(entry)} {known_thrust(entry, config)}"
-        if keys[name] not in found:
-            found[keys[name]] = None
-            # A model of the user's own may raise anything, and on a sensor's axis there are no angles.
-            with Containment(), np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-                found[keys[name]] = _observability(entry, looked)
-    return {name: one for name, key in keys.items() if (one := found[key]) is not None}
-
-
-def _motion_key(entry: FilterEntry) -> str:
-    """Return what tells filters apart here: not their process noise, but for the states that it adds."""
-    added = " ".join(repr(one) for one in entry.augmented_states)
-    return f"{entry.model_dump_json(include={'dynamics', 'sensors'})} {added}"
+        # A model of the user's own may raise anything, and on a sensor's axis there are no angles.
+        with Containment(), np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            extra = extension_of(entry, looked.config)
+            motion = _motion(entry, extra, looked)
+            states, transitions = _followed(motion, looked, 0 if extra is None else len(extra.names))
+            names = tuple(relative_sensors(config.sensors, entry.sensors))
+            # Filters that differ in their update, or in noise that their motion does not follow from, are told alike.
+            key = states.tobytes(), transitions.tobytes(), names, repr(entry.augmented_states)
+            if key not in told:
+                told[key] = _observability(names, extra, states, transitions, looked)
+            found[name] = told[key]
+    return {name: one for name, one in found.items() if one is not None}
 
 
 @dataclass(frozen=True)
@@ -119,15 +118,13 @@ class _Looked:
         )
 
 
-def _observability(entry: FilterEntry, looked: _Looked) -> Observability | None:
+def _observability(
+    names: tuple[str, ...], extra: Extension | None, states: Array, transitions: Array, looked: _Looked
+) -> Observability | None:
     config = looked.config
-    extra = extension_of(entry, config)
-    motion = _motion(entry, extra, looked)
-    states, transitions = _followed(motion, looked, 0 if extra is None else len(extra.names))
     P = _prior(looked, extra)
     if P is None or not np.isfinite(states).all():
         return None
-    names = tuple(relative_sensors(config.sensors, entry.sensors))
     along = states[None, :, :6]
     sensors = {name: SensorInformation(name, config, along, mixture=False) for name in names}
     information = joint_information(sensors, along, looked.chances, np.arange(len(states)), extra)[1:]

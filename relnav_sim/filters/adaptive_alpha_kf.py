@@ -122,7 +122,7 @@ class AdaptiveAlphaFilter(EitherArithmetic):
             options.degrees_of_freedom, options.alpha_min, options.alpha_max, options.iterations
         )
         update = CompiledUpdate("filtered_by_student_t", student, ("alpha", "nis_after"))
-        return self.epochs_by(update, belief, stretch, first_epoch)
+        return self.epochs_by(AdaptiveAlphaFilter, update, belief, stretch, first_epoch)
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with R / alpha_k."""

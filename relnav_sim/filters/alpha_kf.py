@@ -188,7 +188,7 @@ class AlphaKalmanFilter(SamplingFilter):
             d * (d + 3) / 2,
         )
         update = CompiledUpdate("filtered_by_samples", tempered, ("ess", "fallback", "nis_tempered"))
-        return self.epochs_by(update, belief, stretch, first_epoch)
+        return self.epochs_by(AlphaKalmanFilter, update, belief, stretch, first_epoch)
 
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the Gaussian with the weighted samples' moments."""

@@ -50,7 +50,7 @@ class ExtendedKalmanFilter(GaussianFilter):
         """Take as many epochs of a stretch in one go as dynamics and measurement can; None: they can't."""
         if self._underweighting:
             return None
-        return self.epochs_by(CompiledUpdate("filtered", 1.0), belief, stretch, first_epoch)
+        return self.epochs_by(ExtendedKalmanFilter, CompiledUpdate("filtered", 1.0), belief, stretch, first_epoch)
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with H = dh/dx at the predicted mean."""

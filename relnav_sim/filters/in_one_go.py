@@ -54,7 +54,8 @@ class InOneGo:
     def take(self, belief: Any, k: int) -> tuple[Any, int]:
         """Return the belief after as many epochs from column k on as can be taken, and how many these are."""
         assert self._take is not None, "it goes on"
-        if k < self._next:
+        # Why a run failed that was lost before the chunk is stated at its first epoch, by the filter itself.
+        if k < self._next or (k == 0 and not np.isfinite(belief.covariance).all()):
             return belief, 0
         room = self._mean[k:], self._covariance[k:], *self._innovations.room(k)
         stretch = Stretch(self._z[k:], self._read[k:], *room)

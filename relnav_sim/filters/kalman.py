@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Annotated, Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from relnav_sim.filters.single_precision import SinglePrecision, joseph_in_singl
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import degenerate_innovation, square_root_update
 from relnav_sim.linalg import DOUBLE, SINGLE, by_run
-from relnav_sim.measurements.interface import CompiledUpdate, Measurement, Stretch, depth, linearised
+from relnav_sim.measurements.interface import CompiledUpdate, Measurement, Stretch, linearised
 from relnav_sim.measurements.partial import present_channels, unit_where_absent
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource
@@ -108,12 +109,16 @@ class GaussianFilter:
             return self._single.keep_considered(predicted, corrected)
         return keep_considered(predicted, corrected, self._considered)
 
-    def epochs_by(self, update: CompiledUpdate, belief: Gaussian, stretch: Stretch, first_epoch: int) -> int | None:
+    def epochs_by(
+        self, of: type, update: CompiledUpdate, belief: Gaussian, stretch: Stretch, first_epoch: int
+    ) -> int | None:
         """Do what a class whose `correct` is there as a compiled update says as ``compiled_epochs``.
 
-        Not where a class derived from that one has a step of its own.
+        Not where anything of that class is replaced in the class of this filter, by itself or by another of its bases:
+        whatever it is, a step may go through it.
 
         Args:
+            of: The class whose update it is.
             update: The compiled update.
             belief: One epoch before the first.
             stretch: The epochs, which are filled.
@@ -122,11 +127,9 @@ class GaussianFilter:
         Returns:
             For how many epochs it was done; None: it can't be for any.
         """
-        steps = ("predict", "update", "correct", "keep_considered")
-        own = any(depth(type(self), step) < depth(type(self), "compiled_epochs") for step in steps)
         known = getattr(self.dynamics, "known_steps", None)
         filtered = getattr(self.measurement, "filtered", None)
-        if own or self._single or self._considered or known is None or filtered is None:
+        if self._single or self._considered or known is None or filtered is None or not _goes_as(type(self), of):
             return None
         F_and_Q = known(first_epoch, len(stretch.z))
         return None if F_and_Q is None else filtered(belief.mean, belief.covariance, *F_and_Q, update, stretch)
@@ -134,6 +137,16 @@ class GaussianFilter:
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the belief after the measurement, and its innovation."""
         raise TypeError(f"{type(self).__name__} has no correct(belief, z, step)")
+
+
+@lru_cache(maxsize=64)
+def _goes_as(kind: type, base: type) -> bool:
+    """Whether no class that one derived from a base adds replaces anything of the base, its special methods aside.
+
+    Nor where the base's own comes first: by `super` it may call the other.
+    """
+    names = {name for name in dir(base) if not name.startswith("__")} - {"compiled_epochs"}
+    return all(names.isdisjoint(vars(added)) for added in kind.__mro__ if added not in base.__mro__)
 
 
 def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tuple[Gaussian, Innovation]:
@@ -255,7 +268,8 @@ class KalmanFilter(GaussianFilter):
 
     def compiled_epochs(self, belief: Gaussian, stretch: Stretch, first_epoch: int) -> int | None:
         """Take as many epochs of a stretch in one go as dynamics and measurement can; None: they can't."""
-        return self.epochs_by(CompiledUpdate("filtered", self._r_scale), belief, stretch, first_epoch)
+        update = CompiledUpdate("filtered", self._r_scale)
+        return self.epochs_by(KalmanFilter, update, belief, stretch, first_epoch)
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with the measurement matrix at the prediction."""

@@ -141,7 +141,8 @@ class UnscentedKalmanFilter(GaussianFilter):
         if not self._redraw:
             return None
         transform = kernels.point_step.Transform(float(self._spread), self._weight, self._curvature)
-        return self.epochs_by(CompiledUpdate("filtered_by_points", transform), belief, stretch, first_epoch)
+        update = CompiledUpdate("filtered_by_points", transform)
+        return self.epochs_by(UnscentedKalmanFilter, update, belief, stretch, first_epoch)
 
     def linear_step(self, belief: Gaussian, step: Step) -> tuple[Array, Array]:
         """Return F and Q of the linear step that the transform amounts to; Q holds what the curvature adds."""

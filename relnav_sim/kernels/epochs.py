@@ -103,7 +103,8 @@ def filtered(
             if there > 0:
                 load_vectors(z[k], first, used, w)
                 out = nis[k], log_likelihood[k], extras[k]
-                if update(x, p, w, converted, M, A, c, settings, rooms, read[k], first, used, q, *out):
+                before = covariances[k - 1] if k > 0 else P
+                if update(x, p, w, converted, M, A, c, settings, rooms, read[k], before, first, used, q, *out):
                     return k
             for b in range(used if there < used else 0):
                 if not read[k, first + b]:

@@ -15,7 +15,7 @@ from relnav_sim.kernels.sight import linearise
 
 @inner
 def room(n: int, settings: float) -> tuple[Array, ...]:
-    """Return room for `update` of n states."""
+    """Return room for `update` of n states; the room of another update may depend on its settings."""
     zero, square = np.zeros((3, n, LANES)), np.zeros((3, 3, LANES))
     return zero, square, np.empty((3, 3, LANES)), np.zeros((3, 3, LANES)), np.empty((3, n, LANES))
 
@@ -32,6 +32,7 @@ def update(
     r_scale: float,
     room: tuple[Array, ...],
     read: Mask,
+    before: Array,
     first: int,
     used: int,
     short: Array,
@@ -54,6 +55,7 @@ def update(
         r_scale: Factor on the noise.
         room: From `room`.
         read: Which runs there are measurements of, (runs,).
+        before: Covariances one epoch before, (runs, n, n).
         first: Number of the first run.
         used: How many lanes there are.
         short: Gets the lower triangles of the covariances (n, n, LANES).

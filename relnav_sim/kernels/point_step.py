@@ -59,6 +59,7 @@ def update(
     transform: Transform,
     room: tuple[Array, ...],
     read: Mask,
+    before: Array,
     first: int,
     used: int,
     short: Array,

@@ -18,7 +18,7 @@ from relnav_sim.kernels.kalman import correct
 from relnav_sim.kernels.lanes import LANES, copy, copy_vectors, factor, forward, forward_vectors, mirror
 from relnav_sim.kernels.reweighting import scale, take_residuals
 from relnav_sim.kernels.roots import mark_poor
-from relnav_sim.kernels.scores import loses, lost_before
+from relnav_sim.kernels.scores import loses, lost
 from relnav_sim.kernels.sight import linearise
 
 
@@ -69,6 +69,7 @@ def update(
     student: StudentT,
     room: tuple[Array, ...],
     read: Mask,
+    before: Array,
     first: int,
     used: int,
     short: Array,
@@ -86,7 +87,7 @@ def update(
     else:
         linearise(x, used, M, A, c[0], w, h, r)
     factor(r, used, root)
-    if _noise_is_poor(r, root, p, read, first, used):
+    if _noise_is_poor(r, root, before, read, first, used):
         return True
     copy_vectors(w, used, white)
     forward_vectors(root, used, white)
@@ -125,10 +126,10 @@ def update(
 
 
 @inner
-def _noise_is_poor(r: Array, root: Array, p: Array, read: Mask, first: int, used: int) -> bool:
-    """Return whether the noise of a run that is read is as good as singular; lost runs do not count."""
+def _noise_is_poor(r: Array, root: Array, before: Array, read: Mask, first: int, used: int) -> bool:
+    """Return whether the noise of a run that is read is as good as singular; a run lost before does not count."""
     poor, found = np.empty(LANES, dtype=np.bool_), False
     if mark_poor(r, root, 0, used, poor) > 0:
         for b in range(used):
-            found |= poor[b] and read[first + b] and not lost_before(p, b)
+            found |= poor[b] and read[first + b] and not lost(before, first + b)
     return found

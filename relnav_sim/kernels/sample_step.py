@@ -25,7 +25,7 @@ from relnav_sim.kernels.lanes import (
     product_by_transpose,
 )
 from relnav_sim.kernels.sampling import CHUNK, EXACT, SAMPLES, regress, split, square_linear, take_moments
-from relnav_sim.kernels.scores import lost_before, score, singular
+from relnav_sim.kernels.scores import lost, score, singular
 from relnav_sim.kernels.sight import linearise, square_errors
 
 
@@ -62,10 +62,11 @@ def room(n: int, settings: Tempered) -> tuple[tuple[Array, ...], tuple[Array, ..
         np.empty((3, 3, LANES)),
     )
     z, nu, a, L = np.empty((3, LANES)), np.empty((3, LANES)), np.empty((3, LANES)), np.zeros((3, 3, LANES))
+    y = np.empty((n, LANES))
     h, g, cg = np.zeros((3, n, LANES)), np.empty((3, n, LANES)), np.empty((3, n, LANES))
     costs, w = np.empty(N), np.zeros((N + CHUNK - 1) // CHUNK * CHUNK)
     of_run = costs, w, np.empty((3, CHUNK)), np.empty(max(CHUNK, SAMPLES)), np.empty((10, LANES)), np.empty(LANES)
-    return (z, nu, a, L, h, g, cg, r, S, HPH, W, C), (*of_run, np.empty((4, 3)), np.empty((4, 3, 3)))
+    return (z, nu, a, L, h, g, cg, r, S, HPH, W, C, y), (*of_run, np.empty((4, 3)), np.empty((4, 3, 3)))
 
 
 @inner
@@ -80,6 +81,7 @@ def update(
     tempered: Tempered,
     room: tuple[tuple[Array, ...], tuple[Array, ...]],
     read: Mask,
+    before: Array,
     first: int,
     used: int,
     short: Array,
@@ -90,10 +92,11 @@ def update(
     """Update as `linearised_step.update` does; True where a run that is read is in need of something else.
 
     That is where the samples do not tell a covariance, or S is as good as singular. Extras (3, runs) are the effective
-    sample size; 0, or 1 in a run that was lost before; and the NIS with the tempered noise.
+    sample size; 0, or 1 in a run that was lost at an earlier epoch; and the NIS with the tempered noise.
     """
-    (z, nu, a, L, h, g, cg, r, S, HPH, W, C), of_run = room
+    (z, nu, a, L, h, g, cg, r, S, HPH, W, C, y), of_run = room
     copy_vectors(w, used, z)
+    copy_vectors(x, used, y)
     if converted:
         linearise_converted(x, used, M, A, c[0], w, h, r)
     else:
@@ -117,12 +120,16 @@ def update(
     for b in range(used):
         if read[first + b]:
             extras[0, first + b] = _weigh(b, z, w, x, W, g, converted, M, tempered, of_run, a, C)
-            extras[1, first + b] = 1.0 if lost_before(p, b) else 0.0
     regress(g, a, C, used, cg, x, short)
     for b in range(used):
-        usable = extras[0, first + b] > tempered.fewest and _finite(short, b)
-        if read[first + b] and not usable and extras[1, first + b] == 0:
-            return True
+        if read[first + b]:
+            usable = extras[0, first + b] > tempered.fewest and _finite(short, b)
+            if not usable and not lost(before, first + b):
+                return True
+            extras[1, first + b] = 0.0 if usable else 1.0
+            # Where no variance is a number the filter's fallback leaves the mean as predicted.
+            for i in range(0 if usable else len(x)):
+                x[i, b] = y[i, b]
     return False
 
 

@@ -90,12 +90,12 @@ def loses(S: Array, R: Array, L: Array, read: Mask, first: int, used: int) -> bo
 
 
 @inner
-def lost_before(P: Array, b: int) -> bool:
-    """Return whether no variance of lane b is a number: it belongs to a run that was lost at an earlier epoch."""
-    lost = True
-    for i in range(len(P)):
-        lost &= math.isnan(P[i, i, b])
-    return lost
+def lost(P: Array, run: int) -> bool:
+    """Return whether a run is lost: no variance of its covariance, of (runs, n, n), is a number."""
+    none = True
+    for i in range(P.shape[1]):
+        none &= math.isnan(P[run, i, i])
+    return none
 
 
 @inner

@@ -142,7 +142,7 @@ def wrap_angle(angle: Array) -> Array:
 _PARTS = {
     "linearised": ("predict", "jacobian", "noise", "residual"),
     "squared_errors": ("predict", "jacobian", "residual"),
-    "filtered": ("linearised", "predict", "jacobian", "noise", "residual"),
+    "filtered": ("linearised", "squared_errors", "predict", "jacobian", "noise", "residual"),
 }
 """What a measurement may do in one go, and the functions that it then stands for."""
 

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from relnav_sim import open_results, run_campaign
+from relnav_sim import LinearDynamics, open_results, run_campaign
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.crlb.case_bound import case_bound
 from relnav_sim.crlb.case_observability import MOST_STEPS, case_observability
+from relnav_sim.dynamics.registry import build_dynamics
 from relnav_sim.plots import observability_over_time, rms_over_time
 from relnav_sim.plots.facts import case_facts
 from relnav_sim.report.observability_table import observability_table
@@ -115,6 +116,28 @@ def test_a_bias_that_the_readings_do_not_tell_is_named(own_sensors):
 def test_a_start_that_is_better_than_any_reading_is_no_reason(own_sensors):
     tight = observed(TEXT, "start.position_sigma_m=1e-4", "start.velocity_sigma_m_s=1e-7")
     assert tight["radar"].observable and not tight["camera"].observable
+
+
+def test_filters_are_told_alike_only_where_their_motion_is(monkeypatch):
+    """A plug-in's motion may follow from the process noise, or not be there with it."""
+
+    def by_noise(options, context):
+        psd = context.process_noise.acceleration_psd_m2_s3
+        if psd == 1e-3:
+            raise ValueError("no such motion")
+        # Where nothing moves, readings of the position tell nothing of the velocity.
+        return LinearDynamics(np.eye(6), np.zeros((6, 6))) if psd == 1e-4 else build_dynamics(options, context)
+
+    monkeypatch.setattr("relnav_sim.crlb.case_observability.build_dynamics", by_noise)
+    noises = {"none": "1e-3", "still": "1e-4", "moves": "1e-6", "quieter": "1e-8"}
+    filters = [
+        f"  {name}: {{kind: ekf, process_noise: {{acceleration_psd_m2_s3: {psd}}}}}" for name, psd in noises.items()
+    ]
+    text = TEXT.replace("  camera: {kind: seen}\n", "").split("filters:")[0]
+    for order in (filters, filters[::-1]):
+        found = observed(text + "filters:\n" + "\n".join(order) + "\n")
+        assert {name: one.blind for name, one in found.items()} == {"still": 3, "moves": 0, "quieter": 0}
+        assert found["moves"] is found["quieter"]
 
 
 def test_nothing_is_said_where_there_is_no_start(own_sensors):

@@ -13,12 +13,15 @@ from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.dynamics.white_noise import AddedNoise
 from relnav_sim.filters.adaptive_alpha_kf import AdaptiveAlphaFilter, AdaptiveAlphaOptions
 from relnav_sim.filters.alpha_kf import AlphaKalmanFilter, AlphaOptions
+from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.ekf import ExtendedKalmanFilter, ExtendedOptions
-from relnav_sim.filters.kalman import KalmanFilter, KalmanOptions
+from relnav_sim.filters.kalman import GaussianFilter, KalmanFilter, KalmanOptions
+from relnav_sim.filters.run import advance
 from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
 from relnav_sim.measurements.converted_radar import ConvertedRadar
 from relnav_sim.measurements.partial import PartialMeasurement
 from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
+from relnav_sim.streams import RandomSource
 
 F, Q = cw_transition(MEAN_MOTION, 2.0), np.diag([1e-4] * 3 + [1e-6] * 3)
 P0 = np.diag([10.0] * 3 + [0.1] * 3) ** 2
@@ -188,7 +191,7 @@ def test_an_epoch_that_needs_more_is_taken_by_itself():
     wide = np.broadcast_to(P0, (RUNS, 6, 6)).copy()
     wide[33] *= 1e16
     taken, _ = compare(z, mean0, wide)
-    assert taken[0] == 0 and sum(taken) + taken.count(0) == EPOCHS
+    assert taken == [0, 0, EPOCHS - 3]  # at the epochs 0 and 1, and after a pause at 3
 
 
 def test_it_is_tried_less_often_where_every_epoch_needs_more():
@@ -263,6 +266,112 @@ def test_what_a_derived_class_has_of_its_own_is_heard():
         for one in (radar(kind=Poorer), radar(kind=SphericalRadar))
     )
     assert (own.covariance[:, -1, 0, 0] > doubled.covariance[:, -1, 0, 0]).all()
+
+
+def counting(base, name, called):
+    """Return a class derived from a base that takes down the calls of one of its functions."""
+
+    def counted(self, *given, **named):
+        called.append(name)
+        return getattr(super(derived, self), name)(*given, **named)
+
+    derived = type(base.__name__, (base,), {name: counted})
+    return derived
+
+
+def functions(kind):
+    return [name for name in dir(kind) if not name.startswith("__") and callable(getattr(kind, name))]
+
+
+ALL = [EXTENDED, *OTHERS]
+
+
+@pytest.mark.parametrize("kind", [SphericalRadar, ConvertedRadar])
+@pytest.mark.parametrize("filters", ALL)
+def test_whatever_a_derived_radar_replaces_is_heard_as_often_as_step_by_step(filters, kind):
+    (in_one_go, by_step), options = filters
+    z, mean0 = readings(radar(kind=kind), sigmas=SIGMAS if kind is SphericalRadar else 5.0)
+    heard = 0
+    for name in [name for name in functions(kind) if not name.startswith("_")]:
+        counts = []
+        for each in (in_one_go, by_step):
+            measurement = radar(kind=counting(kind, name, called := []))
+            run_filter(each(LinearDynamics(F, Q), PartialMeasurement(measurement), options), z[:2], mean0[:2], P0)
+            counts.append(len(called))
+        if name != "filtered":
+            assert counts[0] == counts[1], name
+            heard += counts[1] >= EPOCHS
+    assert heard > 0
+
+
+@pytest.mark.parametrize("filters", ALL)
+def test_whatever_a_derived_filter_replaces_is_heard_as_often_as_step_by_step(filters):
+    (in_one_go, by_step), options = filters
+    z, mean0 = readings(radar())
+    heard = 0
+    for name in functions(in_one_go):
+        counts = []
+        for each in (in_one_go, by_step):
+            filter = counting(each, name, called := [])(LinearDynamics(F, Q), PartialMeasurement(radar()), options)
+            run_filter(filter, z[:2], mean0[:2], P0)
+            counts.append(len(called))
+        if name not in ("compiled_epochs", "epochs_by"):
+            assert counts[0] == counts[1], name
+            heard += counts[1] >= EPOCHS
+    assert heard > 2
+
+
+@pytest.mark.parametrize("filters", ALL)
+def test_what_another_base_replaces_is_heard(filters):
+    (kind, _), options = filters
+    z, mean0 = readings(radar())
+    other = counting(GaussianFilter, "update", called := [])
+
+    class Both(kind, other):
+        """Its update comes after the filter's own, which calls it by `super` where there is one."""
+
+    filter = Both(LinearDynamics(F, Q), PartialMeasurement(measurement := radar()), options)
+    run_filter(filter, z, mean0, P0)
+    assert len(called) == EPOCHS and measurement.taken == []
+
+
+@pytest.mark.parametrize(("preset", "options"), [("ckf", {}), ("mkf", {"samples": 200, "sampling": "fixed"})])
+def test_presets_take_all_epochs_at_once(preset, options):
+    measurement = radar()
+    z, mean0 = readings(measurement)
+    run_filter(create_filter(preset, LinearDynamics(F, Q), measurement, **options), z, mean0, P0)
+    assert sum(measurement.taken) >= EPOCHS - 1  # the samples may not tell a covariance of the first
+
+
+@pytest.mark.parametrize("filters", ALL)
+@pytest.mark.parametrize("kind", [Counted, CountedConverted])
+@pytest.mark.parametrize("size", [1e155, 1e160, 1e300])
+def test_a_run_is_said_to_fail_when_and_why_it_does_step_by_step(filters, kind, size):
+    """A transition takes all numbers of the runs beyond what can be held, after any epoch of the first chunk."""
+    (in_one_go, by_step), options = filters
+    rng = np.random.default_rng(8)
+    z, mean0 = readings(radar(kind=kind), sigmas=SIGMAS if kind is Counted else 5.0)
+    z, mean0 = z[:4, :8], mean0[:4]
+    correlated = 100 * np.ones((6, 6)) + 1e-2 * np.eye(6)
+    failed = 0
+    for lost in range(1, 4):
+        each = np.broadcast_to(F, (8, 6, 6)).copy()
+        each[lost] = rng.normal(size=(6, 6)) * size
+        said = []
+        for each_kind in (in_one_go, by_step):
+            filter = each_kind(LinearDynamics(each, Q), PartialMeasurement(radar(kind=kind)), options)
+            belief = filter.start(Gaussian(mean0, np.broadcast_to(correlated, (4, 6, 6)).copy()), RandomSource(0, (0,)))
+            failures = []
+            for first in range(0, 8, 4):
+                belief, history = advance(filter, belief, z[:, first : first + 4], first, 2.0)
+                failures.append(history.failures)
+            said.append((failures, belief.mean, belief.covariance))
+        (found, *numbers), (expected, *others) = said
+        assert found == expected
+        for one, other in zip(numbers, others, strict=True):
+            np.testing.assert_array_equal(one, other)
+        failed += len(expected[0])
+    assert failed > 0
 
 
 def test_a_radar_on_the_deputy_goes_from_epoch_to_epoch():
