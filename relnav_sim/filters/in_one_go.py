@@ -60,9 +60,9 @@ class InOneGo:
         if k < self._next or (k == 0 and not np.isfinite(belief.covariance).all()):
             return belief, 0
         asked = slice(k, k + self._longest)
-        room = self._mean[asked], self._covariance[asked]
-        of_innovations = (each[: self._longest] for each in self._innovations.room(k))
-        stretch = Stretch(self._z[asked], self._read[asked], *room, *of_innovations)
+        nis, log_likelihood = (each[: self._longest] for each in self._innovations.room(k))
+        room = self._mean[asked], self._covariance[asked], nis, log_likelihood
+        stretch = Stretch(self._z[asked], self._read[asked], *room)
         taken = self._take(belief, stretch, self._first_epoch + k)
         self.goes_on = taken is not None
         # As many again as could be taken: what is made ready for all that is left would often be thrown away.
