@@ -14,6 +14,8 @@ from relnav_sim.measurements.interface import Stretch
 
 _LONGEST_PAUSE = 31
 """Epochs after which it is tried again, at most."""
+_SHORTEST = 16
+"""Epochs that are asked for at once after one that needs more, at least."""
 
 
 class InOneGo:
@@ -47,7 +49,7 @@ class InOneGo:
         self.goes_on = self._take is not None and readings.plain
         self._first_epoch = first_epoch
         self._mean, self._covariance, self._innovations = mean, covariance, innovations
-        self._next, self._pause = 0, 0
+        self._next, self._pause, self._longest = 0, 0, len(mean)
         if self.goes_on:
             self._z, self._read = readings.sensors[0].z, np.ascontiguousarray(readings.sensors[0].read.T)
 
@@ -57,10 +59,14 @@ class InOneGo:
         # Why a run failed that was lost before the chunk is stated at its first epoch, by the filter itself.
         if k < self._next or (k == 0 and not np.isfinite(belief.covariance).all()):
             return belief, 0
-        room = self._mean[k:], self._covariance[k:], *self._innovations.room(k)
-        stretch = Stretch(self._z[k:], self._read[k:], *room)
+        asked = slice(k, k + self._longest)
+        nis, log_likelihood = (each[: self._longest] for each in self._innovations.room(k))
+        room = self._mean[asked], self._covariance[asked], nis, log_likelihood
+        stretch = Stretch(self._z[asked], self._read[asked], *room)
         taken = self._take(belief, stretch, self._first_epoch + k)
         self.goes_on = taken is not None
+        # As many again as could be taken: what is made ready for all that is left would often be thrown away.
+        self._longest = max(2 * (taken or 0), _SHORTEST)
         if not taken:
             # Where runs need more at one epoch after the other, trying costs nearly as much as it would save.
             self._next, self._pause = k + 1 + self._pause, min(2 * self._pause + 1, _LONGEST_PAUSE)

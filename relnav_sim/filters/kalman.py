@@ -127,9 +127,10 @@ class GaussianFilter:
         Returns:
             For how many epochs it was done; None: it can't be for any.
         """
+        own: type = type(self)
         known = getattr(self.dynamics, "known_steps", None)
         filtered = getattr(self.measurement, "filtered", None)
-        if self._single or self._considered or known is None or filtered is None or not _goes_as(type(self), of):
+        if self._single or self._considered or known is None or filtered is None or not _goes_as(own, of):
             return None
         F_and_Q = known(first_epoch, len(stretch.z))
         return None if F_and_Q is None else filtered(belief.mean, belief.covariance, *F_and_Q, update, stretch)

@@ -129,7 +129,7 @@ def test_filters_are_told_alike_only_where_their_motion_is(monkeypatch):
         return LinearDynamics(np.eye(6), np.zeros((6, 6))) if psd == 1e-4 else build_dynamics(options, context)
 
     monkeypatch.setattr("relnav_sim.crlb.case_observability.build_dynamics", by_noise)
-    noises = {"none": "1e-3", "still": "1e-4", "moves": "1e-6", "quieter": "1e-8"}
+    noises = {"gone": "1e-3", "still": "1e-4", "moves": "1e-6", "quieter": "1e-8"}
     filters = [
         f"  {name}: {{kind: ekf, process_noise: {{acceleration_psd_m2_s3: {psd}}}}}" for name, psd in noises.items()
     ]

@@ -191,7 +191,7 @@ def test_an_epoch_that_needs_more_is_taken_by_itself():
     wide = np.broadcast_to(P0, (RUNS, 6, 6)).copy()
     wide[33] *= 1e16
     taken, _ = compare(z, mean0, wide)
-    assert taken == [0, 0, EPOCHS - 3]  # at the epochs 0 and 1, and after a pause at 3
+    assert taken == [0, 0, 16, EPOCHS - 19]  # at the epochs 0 and 1, and after a pause at 3; few at first
 
 
 def test_it_is_tried_less_often_where_every_epoch_needs_more():
@@ -199,6 +199,27 @@ def test_it_is_tried_less_often_where_every_epoch_needs_more():
     taken, history = compare(z, mean0, dynamics=LinearDynamics(F, 1e8 * Q), filters=SAMPLED)
     assert (history.extras["fallback"].sum(axis=0) > 0).all()
     assert taken == [0] * 5  # at the epochs 0, 1, 3, 7 and 15
+
+
+@pytest.mark.parametrize("every", [3, 50])
+def test_it_asks_for_a_few_times_as_many_matrices_as_there_are_epochs(every):
+    """Where an epoch needs more now and again, each stretch after it is asked for anew."""
+    epochs, asked = 600, []
+
+    class Asked(LinearDynamics):
+        def known_steps(self, first_epoch, count):
+            asked.append(count)
+            return super().known_steps(first_epoch, count)
+
+    noise = np.stack([Q * (1e14 if k % every == 0 else 1.0) for k in range(epochs)])
+    rng = np.random.default_rng(5)
+    x = np.array([0.0, 5000.0, 200.0, 0.0, 0.0, 0.0])
+    z = radar().predict(np.broadcast_to(x, (2, epochs, 6)), 0) + SIGMAS * rng.normal(size=(2, epochs, 3))
+    dynamics = Asked(np.broadcast_to(np.eye(6), (epochs, 6, 6)).copy(), noise)
+    taken, _ = compare(z, np.broadcast_to(x, (2, 6)), dynamics=dynamics)
+    # Every stop costs one try that is in vain and one that is not: 16 each, or twice what the last one gave.
+    assert taken.count(0) > 1 and sum(taken) > epochs / 3
+    assert sum(asked) <= epochs + 2 * 16 * taken.count(0) + 2 * sum(taken)
 
 
 def test_runs_that_fail():
