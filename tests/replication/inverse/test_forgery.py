@@ -61,6 +61,7 @@ def test_a_factor_leaves_alone_what_a_level_is_compared_with(papers: Array) -> N
     np.testing.assert_allclose(rest_then, rest, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_power_lies_between_that_of_bonferroni_and_of_neyman_and_pearson(papers: Array) -> None:
     """Given column and factor no test has more power; a test that knows the covariance alone has that of Bonferroni."""
     near, calibrating = papers[:TAUGHT], papers[TAUGHT : 2 * TAUGHT]
