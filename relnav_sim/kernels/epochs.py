@@ -8,6 +8,7 @@ filter brings an `update`, and the `room` that it needs.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -16,13 +17,13 @@ from relnav_sim.kernels.compiling import flag, given, inner, kernel, kernel_like
 from relnav_sim.kernels.kalman import carry_mean_by_one, multiply_by_one, multiply_by_transpose_of_one
 from relnav_sim.kernels.lanes import LANES, copy_vectors, load, load_vectors, mirror, store_symmetric, store_vectors
 from relnav_sim.kernels.linearised_step import room, update
-from relnav_sim.kernels.point_step import TRANSFORM, Transform
+from relnav_sim.kernels.point_step import TRANSFORM
 from relnav_sim.kernels.point_step import room as room_for_points
 from relnav_sim.kernels.point_step import update as update_by_points
-from relnav_sim.kernels.reweighted_step import STUDENT_T, StudentT
+from relnav_sim.kernels.reweighted_step import STUDENT_T
 from relnav_sim.kernels.reweighted_step import room as room_for_student_t
 from relnav_sim.kernels.reweighted_step import update as update_by_student_t
-from relnav_sim.kernels.sample_step import TEMPERED, Tempered
+from relnav_sim.kernels.sample_step import TEMPERED
 from relnav_sim.kernels.sample_step import room as room_for_samples
 from relnav_sim.kernels.sample_step import update as update_by_samples
 
@@ -121,72 +122,22 @@ def filtered(
     return K
 
 
+# What follows takes the arguments of `filtered`, with settings of its own.
 @kernel_like(filtered, *_GIVEN, TRANSFORM, *_FILLED, room=room_for_points, update=update_by_points)
-def filtered_by_points(
-    m: Array,
-    P: Array,
-    F: Array,
-    Q: Array,
-    z: Array,
-    read: Mask,
-    converted: bool,
-    M: Array,
-    A: Array,
-    c: Array,
-    settings: Transform,
-    means: Array,
-    covariances: Array,
-    nis: Array,
-    log_likelihood: Array,
-    extras: Array,
-) -> int:
-    """Do the same by the unscented Kalman filter."""
+def filtered_by_points(*arguments: Any) -> int:
+    """Do the same by the unscented Kalman filter; settings are a `point_step.Transform`."""
     return 0
 
 
 @kernel_like(filtered, *_GIVEN, TEMPERED, *_FILLED, wide=True, room=room_for_samples, update=update_by_samples)
-def filtered_by_samples(
-    m: Array,
-    P: Array,
-    F: Array,
-    Q: Array,
-    z: Array,
-    read: Mask,
-    converted: bool,
-    M: Array,
-    A: Array,
-    c: Array,
-    settings: Tempered,
-    means: Array,
-    covariances: Array,
-    nis: Array,
-    log_likelihood: Array,
-    extras: Array,
-) -> int:
-    """Do the same by the alpha-divergence filter of fixed samples; extras are those of `sample_step.update`."""
+def filtered_by_samples(*arguments: Any) -> int:
+    """Do the same by the alpha-divergence filter of fixed samples; settings and extras are of `sample_step`."""
     return 0
 
 
 @kernel_like(filtered, *_GIVEN, STUDENT_T, *_FILLED, room=room_for_student_t, update=update_by_student_t)
-def filtered_by_student_t(
-    m: Array,
-    P: Array,
-    F: Array,
-    Q: Array,
-    z: Array,
-    read: Mask,
-    converted: bool,
-    M: Array,
-    A: Array,
-    c: Array,
-    settings: StudentT,
-    means: Array,
-    covariances: Array,
-    nis: Array,
-    log_likelihood: Array,
-    extras: Array,
-) -> int:
-    """Do the same by the extended filter with Student-t noise; extras are those of `reweighted_step.update`."""
+def filtered_by_student_t(*arguments: Any) -> int:
+    """Do the same by the extended filter with Student-t noise; settings and extras are of `reweighted_step`."""
     return 0
 
 

@@ -239,23 +239,18 @@ def _below_the_bound(rankings: Sequence[Ranking]) -> list[str]:
         for item in (each.facts for each in ranking.ranked)
         if math.isfinite((ratio := item.times_bound[ranking.case.span]).estimate) and not item.mostly_diverged
     ]
-    below = listed(list(dict.fromkeys(name for name, _, surely in found if surely)))
-    mixtures = listed(list(dict.fromkeys(sensor for _, hosts, _ in found for sensor in hosts)))
+    below = list(dict.fromkeys(name for name, _, surely in found if surely))
+    mixtures = list(dict.fromkeys(sensor for _, hosts, _ in found for sensor in hosts))
     if mixtures:
-        by_variance = (
-            f"The bound counts the mixture noise of {mixtures} by its variance: a filter may be better than it"
-        )
-        return [
-            f"{by_variance}, as {below} surely {'is' if ' and ' not in below else 'are'}."
-            if below
-            else by_variance + "."
-        ]
+        seen = f", as {listed(below)} surely {'are' if len(below) > 1 else 'is'}" if below else ""
+        counted_so = f"The bound counts the mixture noise of {listed(mixtures)} by its variance"
+        return [f"{counted_so}: a filter may be better than it{seen}."]
     if not below:
         return []
     return [
-        f"Surely below the bound: {below}. No filter is so on average over truths and noise; the possible reasons are "
-        "chance among many filters and cases, an error that happens to help in the only truth that was flown, and "
-        "knowledge that a filter would not have in flight."
+        f"Surely below the bound: {listed(below)}. No filter is so on average over truths and noise; the possible "
+        "reasons are chance among many filters and cases, an error that happens to help in the only truth that was "
+        "flown, and knowledge that a filter would not have in flight."
     ]
 
 
