@@ -58,7 +58,7 @@ def compiled(function: Callable[..., Any], arguments: tuple[Kind, ...], wide: bo
     kernel = _jit(function, **_where_known(pipeline_class=_WideKernelCompiler if wide else _KernelCompiler))
     if not numba.config.USING_SVML:
         kernel._cache = _Kept(name)
-    with nullcontext() if is_kept(name) else alone(name), _no_search_for_garbage():
+    with nullcontext() if is_kept(name) else alone(name), _no_search_for_garbage(), _no_type_asked_twice():
         kernel.compile(tuple(kind(numba.types) for kind in arguments))
     kernel.disable_compile()
     return kernel
@@ -74,6 +74,29 @@ def _no_search_for_garbage() -> Iterator[None]:
     finally:
         if was_on:
             gc.enable()
+
+
+@contextmanager
+def _no_type_asked_twice() -> Iterator[None]:
+    """Spare a tenth of the time of compiling: numba tries all forms of an operator anew wherever one is used."""
+    functions = numba.core.types.functions.BaseFunction
+    asked = functions.get_call_type
+
+    def remembered(function: Any, context: Any, values: Any, by_name: Any) -> Any:
+        key = function, tuple(values), tuple(by_name.items())
+        if key not in _SIGNATURES:
+            _SIGNATURES[key] = asked(function, context, values, by_name)
+        return _SIGNATURES[key]
+
+    if numba.version_info.short <= LATEST_KNOWN:
+        functions.get_call_type = remembered
+    try:
+        yield
+    finally:
+        functions.get_call_type = asked
+
+
+_SIGNATURES: dict[tuple[Any, ...], Any] = {}
 
 
 def _jit(function: Callable[..., Any], **options: Any) -> Any:
@@ -125,24 +148,111 @@ def _where_known(**options: Any) -> dict[str, Any]:
     return options if numba.version_info.short <= LATEST_KNOWN else {}
 
 
-class _KernelCompiler(numba.core.compiler.Compiler):  # type: ignore[misc]  # numba has no types
+class _Compiler(numba.core.compiler.Compiler):  # type: ignore[misc]  # numba has no types
+    """What compiles kernels and their parts, without numba's passes for closures, array expressions and inlining.
+
+    Kernels have none of the first two, and LLVM inlines. The passes take a twelfth of the work in Python.
+    """
+
+    def define_pipelines(self) -> list[Any]:
+        """Return the passes."""
+        found: list[Any] = super().define_pipelines()
+        for manager in found:
+            manager.passes[:] = [entry for entry in manager.passes if entry[0].name() not in _IN_VAIN]
+        return found
+
+
+_IN_VAIN = {"inline_closure_likes", "inline_overloads", "nopython_rewrites"}
+
+
+class _PartCompiler(_Compiler):
+    """What compiles parts of kernels, which are made machine code in the kernels only."""
+
+    def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
+        super().__init__(typing, target, library or _PartOfKernels(target.codegen(), "part"), *others)
+
+
+class _KernelCompiler(_Compiler):
     """What compiles kernels, which hand over arrays in half the time that numba takes for it."""
 
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
+    def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
+        super().__init__(typing, target, library or self.new_library(target.codegen(), "kernel"), *others)
+        self.state.library.enable_object_caching()
         target = self.state.targetctx  # a copy, of this kernel alone
         target.get_python_api = lambda builder: _PythonInterface(target, builder)
+
+    @staticmethod
+    def new_library(codegen: Any, name: str) -> Any:
+        """Return where the code is collected."""
+        return _Kernel(codegen, name)
 
 
 class _WideKernelCompiler(_KernelCompiler):
     """What compiles kernels whose loops are to use the processor's widest registers."""
 
-    def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
-        super().__init__(typing, target, library or _WideKernel(target.codegen(), "wide"), *others)
-        self.state.library.enable_object_caching()
+    @staticmethod
+    def new_library(codegen: Any, name: str) -> Any:
+        """Return where the code is collected."""
+        return _WideKernel(codegen, name)
 
 
-class _WideKernel(numba.core.codegen.JITCodeLibrary):  # type: ignore[misc]
+class _OptimisedOnce(numba.core.codegen.JITCodeLibrary):  # type: ignore[misc]
+    """Code that is optimised where all of it has come together, in the kernel.
+
+    By itself numba would optimise each function, then what it calls with it, twice, and make machine code of it, which
+    nobody runs, before it goes into another one. That takes a third of the time of compiling.
+    """
+
+    def _optimize_functions(self, module: Any) -> None:
+        """Leave it to the kernel; only say how numbers lie in memory."""
+        module.data_layout = self._codegen._data_layout
+
+
+class _PartOfKernels(_OptimisedOnce):
+    """The code of a part of kernels, as it goes into the code of a kernel."""
+
+    def _optimize_final_module(self) -> None:
+        """Leave it to the kernel."""
+
+    def _finalize_final_module(self) -> None:
+        """Do without what only machine code needs."""
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return zero, which is the place of what is not there."""
+        self._ensure_finalized()
+        return 0
+
+    @property
+    def codegen(self) -> _PartOfKernels:
+        """Who is told of the function's globals."""
+        return self
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Do nothing: without machine code there is no place for them."""
+
+
+class _Kernel(_OptimisedOnce):
+    """The code of a kernel, whose loops are vectorised but not written out several times in a row.
+
+    Most of them go over a few runs. There LLVM's unrolling and interleaving gain nothing; they double the code and the
+    time it takes to optimise it.
+    """
+
+    def _optimize_final_module(self) -> None:
+        """Optimise all that has come together."""
+        bindings = numba.core.codegen.ll
+        tuning = bindings.create_pipeline_tuning_options(int(numba.config.OPT))
+        tuning.loop_vectorization = True
+        tuning.loop_unrolling = tuning.loop_interleaving = False
+        builder = bindings.create_pass_builder(self._codegen._tm, tuning)
+        passes = builder.getModulePassManager()
+        passes.add_refprune_pass()
+        passes.run(self._final_module, builder)
+
+
+class _WideKernel(_Kernel):
     """The code of a kernel that is optimised for registers of 512 bits where the processor has them.
 
     LLVM takes those of 256 by itself, for processors that once ran slower with the wider ones.
@@ -184,42 +294,6 @@ class _PythonInterface(numba.core.pythonapi.PythonAPI):  # type: ignore[misc]
         if pointer is np.ndarray:
             return self._constants.read_const(self._constants.add_const(pointer))
         return super().unserialize(pointer)
-
-
-class _PartCompiler(numba.core.compiler.Compiler):  # type: ignore[misc]
-    """What compiles parts of kernels, which are made machine code in the kernels only."""
-
-    def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
-        super().__init__(typing, target, library or _PartOfKernels(target.codegen(), "part"), *others)
-
-
-class _PartOfKernels(numba.core.codegen.JITCodeLibrary):  # type: ignore[misc]
-    """The code of a part of kernels, as it goes into the code of a kernel and is optimised with all of it.
-
-    By itself numba would optimise every function, and make machine code of it, before it goes into another one. That
-    takes a quarter of the time of compiling, and nobody runs that code.
-    """
-
-    def _optimize_final_module(self) -> None:
-        """Leave it to the kernels."""
-
-    def _finalize_final_module(self) -> None:
-        """Do without what only machine code needs."""
-        self._finalize_dynamic_globals()
-        self._finalized = True
-
-    def get_pointer_to_function(self, name: str) -> int:
-        """Return zero, which is the place of what is not there."""
-        self._ensure_finalized()
-        return 0
-
-    @property
-    def codegen(self) -> _PartOfKernels:
-        """Who is told of the function's globals."""
-        return self
-
-    def set_env(self, name: str, environment: Any) -> None:
-        """Do nothing: without machine code there is no place for them."""
 
 
 def _intrinsic(function: Callable[..., Any], how: Instruction) -> Any:
