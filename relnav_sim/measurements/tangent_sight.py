@@ -110,7 +110,7 @@ class TangentSight(MeasurementDefaults):
         )
         return G.reshape(len(states), *[1] * (states.ndim - 2), self.dimension, 3)
 
-    def position(self, z: Array, epoch: int = 0) -> Array:
+    def position(self, z: Array, epoch: int) -> Array:
         """Return the relative position, RTN (..., 3) m, that range, azimuth and elevation (..., 3) point at."""
         return self._sight.position(sight_vector(z[..., 0], z[..., 1], z[..., 2]), epoch)
 
