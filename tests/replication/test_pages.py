@@ -280,3 +280,10 @@ def test_no_figure_is_left_that_no_page_shows(of_committed):
     shown = {f"{plot.name}.png" for part in of_committed.papers for plot in part.plots}
     if not of_committed.missing:
         assert {path.name for path in (DOCS / DOCS_FIGURES).glob("*.png")} == shown
+
+
+def test_a_space_stands_before_every_per_cent_sign():
+    pages = sorted(DOCS.glob("replication*"))
+    assert len(pages) == 5
+    for page in pages:
+        assert not re.search(r"\d%", page.read_text(encoding="utf-8")), page.name
