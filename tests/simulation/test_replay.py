@@ -122,7 +122,6 @@ def test_nis_of_a_replay_is_that_of_the_campaign_with_the_noise_that_filters_wor
     filters = {
         "kf": "{kind: kf, r_scale: 2, dynamics: {kind: cw}}",
         "alpha": "{kind: alpha_kf, alpha: 0.5, samples: 512, sampling: fixed, dynamics: {kind: cw}}",
-        "mkf": "{kind: mkf, samples: 512, sampling: fixed, dynamics: {kind: cw}}",
         "windowed": "{kind: adaptive_alpha_kf, scheme: windowed_nis, window: 20, dynamics: {kind: cw}}",
         "two_step": "{kind: adaptive_two_step, dynamics: {kind: cw}}",
     }
