@@ -16,6 +16,7 @@ from relnav_sim.statistics.verdicts import (
     Verdict,
     difference_of_means,
     difference_of_rates,
+    fiellers_ratio,
     judged,
     mean_of_runs,
     ratio_of_means,
@@ -163,12 +164,13 @@ def _share(values: list[Array], part: Part, level: float) -> Interval:
 def _margin(values: list[Array], part: Part, level: float) -> Interval:
     """Return by how much, in percent, the best of the inner filters is below the best of the outer ones.
 
-    The interval is the lowest of those against each outer filter: all of them must be beaten.
+    The interval is the lowest of those against each outer filter: all of them must be beaten. It is Fieller's, as the
+    best of them may have next to nothing; a margin to one with nothing at all is not known.
     """
     inside, outside = values[: len(part.of)], values[len(part.of) :]
     best = min(inside, key=lambda item: float(np.nanmean(item)))
-    margins = [percent_below(ratio_of_means(best, item, level)) for item in outside]
-    return min(margins, key=lambda margin: margin.low)
+    margins = [percent_below(fiellers_ratio(best, item, level)) for item in outside]
+    return min(margins, key=lambda margin: -math.inf if math.isnan(margin.low) else margin.low)
 
 
 def _distance(values: list[Array], part: Part, level: float) -> Interval:

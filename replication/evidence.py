@@ -30,7 +30,14 @@ def number_of(interval: Interval, decimals: int | None = None, note: str = "") -
     """Return an interval as a cell."""
     if decimals is None:
         decimals = decimals_for([interval.estimate], [(interval.high - interval.low) / 2])
-    return Number(interval.estimate, interval.low, interval.high, decimals, note=note)
+    return Number(interval.estimate, interval.low, interval.high, decimals, note=note or _one_end(interval))
+
+
+def _one_end(interval: Interval) -> str:
+    """Return in words the interval of a ratio that has no upper end; nothing where it has one, or is not known."""
+    if interval.high != math.inf:
+        return ""
+    return f"[{shown_number(interval.low, 1)} or more]" if interval.low > 0 else "[no bound]"
 
 
 def evidence_table(judgement: Judgement) -> Table:
@@ -52,7 +59,7 @@ def _cells(effect: Effect, item: Evidence) -> tuple[Words | Number, ...]:
         Words(part.what + (f" [{part.unit}]" if unit else "") + (" *" if item.main else "")),
         Number(part.published, decimals=_printed(part.published)),
         Words(_range(part.at_least, part.at_most, unit)),
-        Number(interval.estimate, interval.low, interval.high, decimals),
+        number_of(interval, decimals),
         Words(item.window),
         Number(float(interval.runs), decimals=0),
         Words(OUTCOMES[effect.outcome], mark="best" if effect.outcome == "holds" else ""),
@@ -99,11 +106,7 @@ def found_in_words(judgement: Judgement) -> str:
         claimed = ""
         if math.isfinite(part.published):
             claimed = f" (paper {shown_number(part.published, _printed(part.published))})"
-        if part.unit == "×" and interval.low == 0:  # the size that it is over is not told from zero
-            low, high = number.shown_interval.strip("[]").split(", ")
-            words.append(f"{part.what}: {OUTCOMES[effect.outcome]}, the ratio's interval is {low} to {high}")
-            continue
-        words.append(f"{part.what} {number.shown}{unit} {number.shown_interval}".rstrip() + claimed)
+        words.append(f"{part.what} {number.shown}{unit} {number.shown_interval or number.note}".rstrip() + claimed)
     told = () if judgement.verdict == "reproduced only if" else mains[1:]
     others = [f"{item.interpretation.words}: {OUTCOMES[item.outcome]}" for item in told]
     return ". ".join(text[:1].upper() + text[1:] for text in ("; ".join(words), "; ".join(others)) if text)

@@ -26,11 +26,14 @@ def pooled(intervals: Sequence[Interval]) -> Interval:
     runs = min(interval.runs for interval in intervals)
     estimates = np.array([interval.estimate for interval in intervals])
     if not np.isfinite(estimates).all():  # runs that never converge in some tuning: no variance can be told
-        return max(intervals, key=lambda interval: interval.estimate)
+        unknown = [interval for interval in intervals if math.isnan(interval.estimate)]
+        return unknown[0] if unknown else max(intervals, key=lambda interval: interval.estimate)
     middle = float(estimates.mean())
     if runs < 2:
         return Interval(middle, math.nan, math.nan, level, runs)
     halves = np.array([(interval.high - interval.low) / 2 for interval in intervals])
+    if not np.isfinite(halves).all():  # no variance can be told from an interval without an end
+        return intervals[int(np.argmax(~np.isfinite(halves)))]
     within = float(np.mean((halves / stdtrit(runs - 1, (1 + level) / 2)) ** 2))
     between = (1 + 1 / m) * float(estimates.var(ddof=1))
     freedom = runs - 1.0 if between == 0 else min(runs - 1.0, (m - 1) * (1 + within / between) ** 2)

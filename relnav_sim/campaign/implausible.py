@@ -18,6 +18,8 @@ _MOST: Mapping[str, tuple[float, str]] = {
     "s": (1e9, "s"),
 }
 """The most that is asked no question, far beyond what spacecraft meet, by the end of a key: the longest that fits."""
+_WITHOUT_END = ("tau_s", "windows_s", "until_s", "range_limits_m")
+"""Keys that a huge number may be meant for, as infinity is not taken: a bias, to the end of the run, no limit."""
 
 
 def implausible_values(content: Mapping[str, Any]) -> list[str]:
@@ -51,6 +53,9 @@ def _numbers(path: tuple[str, ...], value: Any) -> Iterator[tuple[tuple[str, ...
 
 
 def _most(path: Sequence[str]) -> tuple[float, str]:
-    words = path[-1].rpartition(".")[2].split("_")
+    name = path[-1].rpartition(".")[2]
+    if name in _WITHOUT_END:
+        return math.inf, ""
+    words = name.split("_")
     ends = ("_".join(words[place:]) for place in range(1, len(words)))
     return next((_MOST[end] for end in ends if end in _MOST), (math.inf, ""))

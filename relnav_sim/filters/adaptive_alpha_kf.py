@@ -93,7 +93,8 @@ class AdaptiveAlphaFilter(EitherArithmetic):
 
     nis is that of the innovation with the measurement's own R, log_likelihood likewise, except that
     `responsibilities` gives the evidence of the mixture. Extras: `alpha` (of the least trusted channel where there
-    is one each), `nis_after` with R / alpha_k, and `white` for the window (1 where the innovations count as white).
+    is one each), `nis_after` with R / alpha_k, and for the window the same as `nis_tempered`, and `white` (1 where the
+    innovations count as white).
     """
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: AdaptiveAlphaOptions) -> None:
@@ -107,6 +108,12 @@ class AdaptiveAlphaFilter(EitherArithmetic):
         if self._options.scheme == "windowed_nis":
             return empty_window(prior, self._options.window, self.measurement.dimension)
         return prior
+
+    def believed_noise(self, belief: Any, epoch: int) -> Array | None:
+        """Return the window's R / alpha_k; None: alpha_k follows from the measurement itself."""
+        if self._options.scheme != "windowed_nis":
+            return None
+        return np.asarray(belief.scale[:, None, None] * self.measurement.noise(belief.mean, epoch))
 
     def predict(self, belief: Any, step: Step) -> Any:
         """Return the belief with mean f(m) and covariance F P F^T + Q; the window stays."""
@@ -155,6 +162,8 @@ class AdaptiveAlphaFilter(EitherArithmetic):
                 used, alpha, log_likelihood = self._mixture_noise(nu, M, belief.mean, epoch)
         posterior, after = joseph_update(belief, nu, H, used)
         extras = {"alpha": alpha, "nis_after": after.nis, **extras}
+        if self._options.scheme == "windowed_nis":  # whose alpha_k was known before the measurement
+            extras["nis_tempered"] = after.nis
         return (
             replace(belief, mean=posterior.mean, covariance=posterior.covariance),
             replace(before, log_likelihood=log_likelihood, extras=extras, failed=after.failed),

@@ -92,10 +92,8 @@ class AdaptiveTwoStepFilter(TwoStepFilter):
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[AdaptiveTwoStepBelief, Innovation]:
         """Return the belief after both steps under the present noise estimate, and the estimate renewed."""
         prior: AdaptiveTwoStepBelief = belief
-        nominal = all_channels(self.seen).noise(prior.mean, step.epoch)
-        nominal = np.broadcast_to(nominal, prior.noise_ratio.shape)
-        root = cholesky(nominal)
-        R = root @ prior.noise_ratio @ transpose(root)
+        nominal = self._nominal_noise(prior, step.epoch)
+        R = _estimated(nominal, prior.noise_ratio)
         corrected, (residual, covariance), innovation = self.two_steps(prior, z, R, step)
         factor, memory = CholeskyFactor(nominal), self._adaptation.forgetting * prior.memory + 1
         weight, present = 1 / memory, present_channels(self.seen)
@@ -108,6 +106,14 @@ class AdaptiveTwoStepFilter(TwoStepFilter):
         sigma = np.sqrt(np.einsum("bii->bi", ratio))
         extras = {f"noise_sigma_ratio_{i}": np.ascontiguousarray(sigma[:, i]) for i in range(sigma.shape[1])}
         return _with_noise(corrected, ratio, memory), replace(innovation, extras={**innovation.extras, **extras})
+
+    def believed_noise(self, belief: Any, epoch: int) -> Array:
+        """Return the noise as estimated so far, (runs, m, m)."""
+        return _estimated(self._nominal_noise(belief, epoch), belief.noise_ratio)
+
+    def _nominal_noise(self, belief: Any, epoch: int) -> Array:
+        nominal = all_channels(self.seen).noise(belief.mean, epoch)
+        return np.broadcast_to(nominal, belief.noise_ratio.shape)
 
     def _renewed(
         self, ratio: Array, factor: CholeskyFactor, residual: Array, covariance: Array, weight: Array
@@ -128,6 +134,12 @@ class AdaptiveTwoStepFilter(TwoStepFilter):
         variances = np.einsum("bii->bi", estimate)
         scale = np.sqrt(np.clip(variances, options.smallest, options.largest) / variances)
         return estimate * scale[:, :, None] * scale[:, None, :]
+
+
+def _estimated(nominal: Array, ratio: Array) -> Array:
+    """Return R of a ratio to the nominal one, both (runs, m, m)."""
+    root = cholesky(nominal)
+    return np.asarray(root @ ratio @ transpose(root))
 
 
 def _geometric_means(weights: Array) -> Array:

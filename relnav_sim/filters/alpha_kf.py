@@ -174,6 +174,10 @@ class AlphaKalmanFilter(SamplingFilter):
             fixed_normals(len(self._observed), self._options.samples)
         return prior
 
+    def believed_noise(self, belief: Gaussian, epoch: int) -> Array:
+        """Return R / alpha."""
+        return self.measurement.noise(belief.mean, epoch) / self._total_alpha
+
     def compiled_epochs(self, belief: Gaussian, stretch: Stretch, first_epoch: int) -> int | None:
         """Take as many epochs of a stretch in one go as dynamics and measurement can; None: they can't."""
         options, d = self._options, len(self._observed)

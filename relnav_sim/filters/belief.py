@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Protocol, TypeVar
 
@@ -107,6 +107,16 @@ class WrappedBelief:
 
 
 B = TypeVar("B")
+
+
+def believed_noise(filter: Filter, belief: Any, epoch: int) -> Array | None:
+    """Return R with which a filter takes the next measurement, (runs, m, m) or (m, m); None: the measurement's own.
+
+    A filter that scales or estimates R says so by ``believed_noise(belief, epoch)``. What it says of channels that are
+    absent counts for nothing.
+    """
+    own: Callable[[Any, int], Array | None] | None = getattr(filter, "believed_noise", None)
+    return None if own is None else own(belief, epoch)
 
 
 def considered_states(dynamics: Dynamics) -> tuple[int, ...]:

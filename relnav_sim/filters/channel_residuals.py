@@ -9,10 +9,10 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.filters.belief import Belief
+from relnav_sim.filters.belief import Belief, Filter, believed_noise
 from relnav_sim.filters.readings import Readings
 from relnav_sim.kernels.compiling import working_cpu_s
-from relnav_sim.measurements.interface import Measurement, linearised
+from relnav_sim.measurements.interface import linearised
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,8 @@ class ChannelResiduals:
 
     Attributes:
         residual: z - h(mean), (runs, T, m), SI units and rad.
-        sigma: Square root of the diagonal of H P H^T + R, (runs, T, m): what the filter expects of them.
+        sigma: Square root of the diagonal of H P H^T + R, (runs, T, m): what the filter expects of them, by the R that
+            it works with.
         rejected: Channels that were read and that the filter did not take, (runs, T, m).
     """
 
@@ -74,24 +75,24 @@ class ResidualRecorder:
             for shape in shapes
         ]
 
-    def add(
-        self, place: int, k: int, measurement: Measurement, belief: Belief, z: Array, read: Mask, epoch: int
-    ) -> None:
+    def add(self, place: int, k: int, filter: Filter, belief: Belief, z: Array, read: Mask, epoch: int) -> None:
         """Take down the residuals of the sensor in that place at column k, before its update.
 
         Args:
             place: The sensor's place.
             k: The column.
-            measurement: The filter's, which attends to that sensor.
+            filter: The filter, whose measurement attends to that sensor.
             belief: The belief before the update.
             z: The measurement (runs, m) in the channels of the filter's measurement.
             read: Runs that have one, (runs,).
             epoch: Number of the epoch.
         """
-        begin = working_cpu_s()
+        begin, measurement = working_cpu_s(), filter.measurement
         mean = np.ascontiguousarray(belief.mean)
         expected = np.where(read[:, None], z, measurement.predict(mean, epoch))
         residual, H, R = linearised(measurement, expected, mean, epoch)
+        believed = believed_noise(filter, belief, epoch)
+        R = R if believed is None else believed
         H = np.broadcast_to(H, (*z.shape, mean.shape[1]))
         variance = np.einsum("bmi,bij,bmj->bm", H, belief.covariance, H) + np.diagonal(R, axis1=-2, axis2=-1)
         one = self._readings.sensors[place]

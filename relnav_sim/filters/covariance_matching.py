@@ -33,7 +33,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.white_noise import WhiteAcceleration
-from relnav_sim.filters.belief import Filter, Gaussian, Innovation, WrappedBelief, where_runs
+from relnav_sim.filters.belief import Filter, Gaussian, Innovation, WrappedBelief, believed_noise, where_runs
 from relnav_sim.linalg import CholeskyFactor, transpose
 from relnav_sim.streams import RandomSource
 
@@ -125,6 +125,10 @@ class CovarianceMatching:
         names = ("radial_psd_m2_s3", "along_track_psd_m2_s3", "normal_psd_m2_s3")
         told = {name: belief.densities[:, axis].copy() for axis, name in enumerate(names)}
         return replace(belief, inner=inner), replace(innovation, extras={**innovation.extras, **told})
+
+    def believed_noise(self, belief: MatchedBelief, epoch: int) -> Array | None:
+        """Return R with which the filter takes the next measurement; None: the measurement's own."""
+        return believed_noise(self._filter, belief.inner, epoch)
 
     def linear_step(self, belief: MatchedBelief, step: Step) -> tuple[Array, Array]:
         """Return the filter's F and Q of the step predicted last, with the densities that it was predicted with."""

@@ -22,6 +22,7 @@ from relnav_sim.filters.belief import (
     Gaussian,
     Innovation,
     WrappedBelief,
+    believed_noise,
     considered_states,
     keep_considered,
     where_runs,
@@ -115,6 +116,10 @@ class MeasurementEditing:
     def predict(self, belief: EditedBelief, step: Step) -> EditedBelief:
         """Return the filter's prediction."""
         return replace(belief, inner=self._filter.predict(belief.inner, step))
+
+    def believed_noise(self, belief: EditedBelief, epoch: int) -> Array | None:
+        """Return R with which the filter takes the next measurement; None: the measurement's own."""
+        return believed_noise(self._filter, belief.inner, epoch)
 
     def linear_step(self, belief: EditedBelief, step: Step) -> tuple[Array, Array]:
         """Return the filter's F and Q of the step predicted last."""

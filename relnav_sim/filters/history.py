@@ -85,6 +85,18 @@ class FilterHistory:
             rows.append([str(k), *(_cell(each[:, k]) for each in (self.nis, self.log_likelihood)), _cell(sigma[:, 0])])
         return table_html(repr(self).strip("<>"), ["epoch", "mean NIS", "log-likelihood", "sigma of state 0"], rows)
 
+    @property
+    def believed_nis_by(self) -> Mapping[str, Array]:
+        """The NIS by sensor with the R that the filter works with.
+
+        A filter whose `nis` is with the measurement's own R instead, so that it compares between filters, has the
+        other one among its extras, as `nis_tempered`.
+        """
+        return {
+            sensor: np.where(np.isnan(nis), nis, self.extras_by.get(sensor, {}).get("nis_tempered", nis))
+            for sensor, nis in self.nis_by.items()
+        }
+
     def after(self, mean: Array, covariance: Array) -> FilterHistory:
         """Return the history with more epochs at its start, at which nothing was read.
 

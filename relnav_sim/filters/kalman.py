@@ -267,6 +267,10 @@ class KalmanFilter(GaussianFilter):
         super().__init__(dynamics, measurement, options)
         self._r_scale = options.r_scale
 
+    def believed_noise(self, belief: Any, epoch: int) -> Array:
+        """Return r_scale R."""
+        return self._r_scale * self.measurement.noise(belief.mean, epoch)
+
     def compiled_epochs(self, belief: Gaussian, stretch: Stretch, first_epoch: int) -> int | None:
         """Take as many epochs of a stretch in one go as dynamics and measurement can; None: they can't."""
         update = CompiledUpdate("filtered", self._r_scale)

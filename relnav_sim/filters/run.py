@@ -153,7 +153,7 @@ def advance(
                     z_k = readings.attend(place, k)
                     read = one.read[:, k]
                     if residuals is not None and one.any_read[k]:
-                        residuals.add(place, k, filter.measurement, belief, z_k, read, step.epoch)
+                        residuals.add(place, k, filter, belief, z_k, read, step.epoch)
                     if one.all_read[k]:
                         belief, innovation = returned.update(filter.update(belief, z_k, step))
                     else:

@@ -140,16 +140,23 @@ def wrap_angle(angle: Array) -> Array:
 
 
 _PARTS = {
-    "linearised": ("predict", "jacobian", "noise", "residual"),
-    "squared_errors": ("predict", "jacobian", "residual"),
-    "filtered": ("linearised", "squared_errors", "predict", "jacobian", "noise", "residual"),
+    "linearised": ("predict", "jacobian", "noise", "residual", "angles"),
+    "squared_errors": ("predict", "jacobian", "residual", "angles"),
+    "filtered": ("linearised", "squared_errors", "predict", "jacobian", "noise", "residual", "angles"),
 }
-"""What a measurement may do in one go, and the functions that it then stands for."""
+"""What a measurement may do in one go, and what it then stands for."""
 
 
 def depth(kind: type, name: str) -> int:
     """Return how far up among the bases of a class a function is said."""
     return next(depth for depth, base in enumerate(kind.__mro__) if name in vars(base))
+
+
+def _is_replaced(kind: type, whole: str) -> bool:
+    """Return whether a class has parts of its own of what a base does in one go: such parts, or private ones of it."""
+    said = depth(kind, whole)
+    private = [name for name in dir(kind.__mro__[said]) if name.startswith("_") and not name.startswith("__")]
+    return any(depth(kind, part) < said for part in (*_PARTS[whole], *private))
 
 
 @lru_cache(maxsize=64)
@@ -176,11 +183,12 @@ class MeasurementDefaults:
     def __init_subclass__(cls, **arguments: Any) -> None:
         """Let what a base does in one go follow from the parts again, where a class has other parts and says no more.
 
-        A subclass of a radar, say, that only changes `predict` would else still be linearised as the radar.
+        A subclass of a radar, say, that only changes `predict`, or what the radar's `noise` calls, would else still be
+        linearised as the radar.
         """
         super().__init_subclass__(**arguments)
-        for whole, parts in _PARTS.items():
-            if any(depth(cls, part) < depth(cls, whole) for part in parts):
+        for whole in _PARTS:
+            if _is_replaced(cls, whole):
                 setattr(cls, whole, getattr(MeasurementDefaults, whole))
 
     def take(self, z: Array, first_epoch: int) -> Array:

@@ -98,12 +98,9 @@ class GrowingRangeNoise(Around):
             return None
         covariances = mixture.covariances
         scaled = np.array(np.broadcast_to(covariances, (len(mean), *covariances.shape[-3:])))
-        scaled[:, :, 0, 0] *= self._squared_growth(mean)[:, None]
-        return Mixture(mixture.weights, scaled, mixture.shared)
-
-    def _squared_growth(self, mean: Array) -> Array:
         r = components(mean)
-        return np.asarray(np.square(1 + self._growth * np.sqrt(dot(r, r))))
+        scaled[:, :, 0, 0] *= np.square(1 + self._growth * np.sqrt(dot(r, r)))[:, None]
+        return Mixture(mixture.weights, scaled, mixture.shared)
 
 
 def lidar(

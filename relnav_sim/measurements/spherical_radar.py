@@ -141,7 +141,7 @@ class SphericalRadar(MeasurementDefaults):
         covariances = [self._covariance(mean, epoch, variances) for variances in self._component_variances]
         return Mixture(self._weights, np.stack(covariances, axis=-3), shared=True)
 
-    def position(self, z: Array, epoch: int = 0) -> Array:
+    def position(self, z: Array, epoch: int) -> Array:
         """Return the relative position, RTN (..., 3) m, that measurements (..., 3) give; at rest where that matters."""
         return self._sight.position(sight_vector(z[..., 0], z[..., 1], z[..., 2]), epoch)
 

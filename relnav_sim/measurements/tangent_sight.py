@@ -79,19 +79,12 @@ class TangentSight(MeasurementDefaults):
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return the derivatives with respect to states (runs, ..., n): (runs, ..., m, n)."""
-        return self._predicted(states, epoch)[1]
+        return _with_jacobian(self._sight, self._read(len(states), epoch), self._ranged, states, epoch)[1]
 
     def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
         """Return residual (runs, m), Jacobian (runs, m, n) and R at the means (runs, n)."""
-        predicted, H = self._predicted(mean, epoch)
+        predicted, H = _with_jacobian(self._sight, self._read(len(mean), epoch), self._ranged, mean, epoch)
         return z - predicted, H, self.noise(mean, epoch)
-
-    def _predicted(self, states: Array, epoch: int) -> tuple[Array, Array]:
-        """Return h, (points, m), and its derivatives, (runs, ..., m, n)."""
-        positions, by_state = self._sight.positions_with_jacobian(states, epoch)
-        centres = self._read(len(states), epoch)
-        z, H = kernels.tangent.linearised(positions, self._rotation, centres, self._ranged)
-        return z, in_states(H, by_state, states)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R: (m, m) with perfect attitude, else (runs, m, m)."""
@@ -117,7 +110,7 @@ class TangentSight(MeasurementDefaults):
         )
         return G.reshape(len(states), *[1] * (states.ndim - 2), self.dimension, 3)
 
-    def position(self, z: Array, epoch: int = 0) -> Array:
+    def position(self, z: Array, epoch: int) -> Array:
         """Return the relative position, RTN (..., 3) m, that range, azimuth and elevation (..., 3) point at."""
         return self._sight.position(sight_vector(z[..., 0], z[..., 1], z[..., 2]), epoch)
 
@@ -132,6 +125,13 @@ class TangentSight(MeasurementDefaults):
         if self._centres is None or not 0 <= place < len(self._centres) or self._centres.shape[1] != runs:
             return np.full((runs, 3), np.nan)
         return np.asarray(self._centres[place])
+
+
+def _with_jacobian(sight: Sight, centres: Array, ranged: bool, states: Array, epoch: int) -> tuple[Array, Array]:
+    """Return h, (points, m), and its derivatives, (runs, ..., m, n)."""
+    positions, by_state = sight.positions_with_jacobian(states, epoch)
+    z, H = kernels.tangent.linearised(positions, sight.sensor_from_rtn, centres, ranged)
+    return z, in_states(H, by_state, states)
 
 
 def camera(

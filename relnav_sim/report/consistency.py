@@ -11,7 +11,8 @@ from relnav_sim.statistics.consistency_verdict import SIGMA_KNOWN, Consistency, 
 from relnav_sim.wording import significant
 
 _ORDER: tuple[ConsistencyVerdict, ...] = ("overconfident", "conservative", "may be consistent", "consistent")
-_OF: Mapping[str, str] = {"full": "", "position": "position ", "velocity": "velocity "}
+PARTS: Mapping[str, str] = {"full": "", "position": "position ", "velocity": "velocity "}
+"""What errors are of, before the word, by the part of the state: nothing for the whole."""
 
 
 def consistency_verdict(item: FilterFacts, span: Span) -> Consistency | None:
@@ -39,7 +40,7 @@ def size_range(factors: Sequence[float], digits: int = 3) -> str:
 def _in_words(verdict: ConsistencyVerdict, where: str, alike: Sequence[Consistency], several: bool) -> str:
     verb, its = ("are", "their") if several else ("is", "its")
     # Where the cases differ in the part of the state that is farthest off, the sizes are of either.
-    of = " or ".join(dict.fromkeys(_OF[one.block].strip() for one in alike if one.block != "full"))
+    of = " or ".join(dict.fromkeys(PARTS[one.block].strip() for one in alike if one.block != "full"))
     of = f"{of} " if of and all(one.block != "full" for one in alike) else ""
     if verdict == "consistent":
         return f"{verb} consistent{where} (ANEES near 1)"

@@ -11,6 +11,7 @@ from relnav_sim.report.decision_table import (
     MOST_CASES,
     NO_DIFFERENCE_THAT_MATTERS,
     decision_table,
+    largest_error,
     not_asked_in_words,
     refusal_in_words,
 )
@@ -332,7 +333,7 @@ def _reasons(decision: Decision, name: str, known: Background) -> list[Clause]:
     if not cases:
         return [Clause("no run yet")]
     runs = sum(item.runs for _, item in cases)
-    worst_case, worst = max(cases, key=lambda each: or_zero(each[1].error_over_sigma))
+    worst_case, worst = max(cases, key=lambda each: or_zero(largest_error(each[1])))
     parts = []
     refusals = decision.overall.refusals[name]
     diverged = any(refusal.reason == "diverged" for refusal in refusals)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from relnav_sim.report.consistency import PARTS
 from relnav_sim.report.metrics import numbers
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.results.case_names import case_in_tables
 from relnav_sim.statistics.decision import OVERCONFIDENT, Candidate, CaseEvidence, Choice, Decision, Refusal
 from relnav_sim.statistics.equivalence import Effect
-from relnav_sim.statistics.intervals import NO_INTERVAL
+from relnav_sim.statistics.intervals import NO_INTERVAL, Interval
 from relnav_sim.wording import counted, listed, significant
 
 MOST_CASES = 6
@@ -56,7 +57,7 @@ def decision_table(decision: Decision, labels: Mapping[int, str], over: str, eno
     columns = [
         Column("position RMS [m]"),
         Column("above the chosen [%]"),
-        Column("error / formal sigma"),
+        *(Column(f"{of}error / formal sigma") for of in PARTS.values()),
         Column("what follows", numeric=False),
     ]
     return Table(
@@ -67,8 +68,8 @@ def decision_table(decision: Decision, labels: Mapping[int, str], over: str, eno
         "and zero lies in the interval exactly where the test is undecided. "
         f"{NO_DIFFERENCE_THAT_MATTERS.capitalize()}: even the interval that holds for all pairs together, as wide or "
         f"wider, lies within ±{decision.margin_percent:g} % (statistics.matters_percent). Error / formal sigma: root "
-        "of the ANEES, 1 for a consistent filter, of the whole state or of the part named beside it, which is more "
-        f"overconfident; no filter above {OVERCONFIDENT:g} is recommended.",
+        f"of the ANEES, 1 for a consistent filter; no filter is recommended whose whole state is above "
+        f"{OVERCONFIDENT:g}, or whose position or velocity is and surely is above 1.",
         corner="case" if many else "filter",
         columns=(*([Column("filter", numeric=False)] if many else []), *columns),
         rows=tuple(rows),
@@ -111,8 +112,12 @@ def not_asked_in_words(names: Sequence[str]) -> str:
 
 def errors_over_sigma(item: Candidate) -> str:
     """Return how large a filter's errors are in units of its formal sigma, and those of which part of the state."""
-    of = f"{item.error_of} " if item.error_of else ""
-    return f"{of}errors {significant(item.error_over_sigma.estimate)} times the formal sigma"
+    return f"{PARTS[item.most_overconfident]}errors {significant(largest_error(item).estimate)} times the formal sigma"
+
+
+def largest_error(item: Candidate) -> Interval:
+    """Return a filter's errors in units of its formal sigma, of the part of the state where they are largest."""
+    return item.error_over_sigma(item.most_overconfident)
 
 
 def _reference(decision: Decision, case: CaseEvidence, choice: Choice) -> str | None:
@@ -125,19 +130,16 @@ def _case_rows(case: CaseEvidence, choice: Choice, against: str | None, margin: 
     found = [case.difference(item.name, against) if against else None for item in case.candidates]
     sizes = numbers([item.position for item in case.candidates])
     above = numbers([NO_INTERVAL if one is None else one.percent for one in found])
-    ratios = numbers(
-        [item.error_over_sigma for item in case.candidates],
-        notes=[f"({item.error_of})" if item.error_of else "" for item in case.candidates],
-    )
+    ratios = zip(*(numbers([item.error_over_sigma(part) for item in case.candidates]) for part in PARTS), strict=True)
     rows = []
-    for item, size, percent, ratio, one in zip(case.candidates, sizes, above, ratios, found, strict=True):
+    for item, size, percent, of_parts, one in zip(case.candidates, sizes, above, ratios, found, strict=True):
         effect = None if one is None else one.effect(margin)
         follows = _follows(item, choice, against, effect)
         second: Cell = percent
         if item.name == against:
             second = Words("chosen", 0.0, mark="best") if enough else Words("reference", 0.0)
             follows = follows if enough else Words("acceptable")
-        rows.append(Row(item.name, (size, second, ratio, follows)))
+        rows.append(Row(item.name, (size, second, *of_parts, follows)))
     return rows
 
 

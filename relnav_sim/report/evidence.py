@@ -12,7 +12,6 @@ from relnav_sim.campaign.requirements import DivergedRequirement, FailedRequirem
 from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.run_figures import Span, span_index
 from relnav_sim.report.consistency import consistency_verdict
-from relnav_sim.report.metrics import ANEES
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.results import layout
 from relnav_sim.results.settings import case_setting
@@ -91,13 +90,10 @@ def _candidate(ranking: Ranking, item: FilterFacts, of_all: Sequence[Judgement])
 
 
 def _consistency(item: FilterFacts, span: Span) -> dict[str, Any]:
-    """Return the errors in units of the formal sigma, of the part of the state that the verdict rests on."""
-    found = consistency_verdict(item, span)
-    overconfident = found is not None and found.verdict == "overconfident"
-    if found is None or not overconfident or found.block == "full":
-        return {"error_over_sigma": _root(ANEES.value(item, span)), "overconfident": overconfident}
-    part = mean_interval(item.per_run("anees", span_index(span), layout.BLOCKS.index(found.block)))
-    return {"error_over_sigma": _root(part), "error_of": found.block, "overconfident": True}
+    """Return the errors of each part of the state in units of the formal sigma, and which are surely too large."""
+    found, anees = consistency_verdict(item, span), item.per_run("anees", span_index(span))
+    errors = {name: _root(mean_interval(of)) for name, of in zip(layout.BLOCKS, anees.T, strict=True)}
+    return {"errors_over_sigma": errors, "overconfident": () if found is None else found.overconfident}
 
 
 def _root(one: Interval) -> Interval:

@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from relnav_sim.report.decision_table import decision_anchor, errors_over_sigma
+from relnav_sim.report.consistency import PARTS
+from relnav_sim.report.decision_table import decision_anchor, errors_over_sigma, largest_error
 from relnav_sim.report.error_budget import budget_title
 from relnav_sim.report.requirements import value_in_words
 from relnav_sim.report.sentences import Clause, Sentence, joined
@@ -126,13 +127,19 @@ def _may_be_overconfident(decision: Decision) -> list[list[Clause]]:
     name = decision.overall.chosen
     if name is None:
         return []
-    cases = [(case, item) for case, _ in decision.cases if (item := case.of(name))]
-    case, item = max(cases, key=lambda each: or_zero(each[1].error_over_sigma, "high"))
-    ratio = item.error_over_sigma
+    case, part, ratio = max(
+        (
+            (case, part, item.error_over_sigma(part))
+            for case, _ in decision.cases
+            if (item := case.of(name))
+            for part in PARTS
+        ),
+        key=lambda each: or_zero(each[2], "high"),
+    )
     if math.isfinite(ratio.estimate) and ratio.high <= OVERCONFIDENT:
         return []
     size = f"{significant(ratio.estimate)}{between(ratio.low, ratio.high)}" if math.isfinite(ratio.estimate) else "none"
-    words = at_row(case, name, f"error / formal sigma {size}")
+    words = at_row(case, name, f"{PARTS[part]}error / formal sigma {size}")
     return [[Clause(f"that {name} is not overconfident ("), words, Clause(f", limit {OVERCONFIDENT:g})")]]
 
 
@@ -141,7 +148,7 @@ def overconfident(decision: Decision, name: str, known: Background) -> Iterator[
     found = [(case, item) for case, _ in decision.cases if (item := case.of(name)) and item.overconfident]
     if not found:
         return
-    case, worst = max(found, key=lambda each: or_zero(each[1].error_over_sigma))
+    case, worst = max(found, key=lambda each: or_zero(largest_error(each[1])))
     where = in_which(decision, [each for each, _ in found], case, known)
     yield (Clause(f"{name} is overconfident: "), at_row(case, name, f"{errors_over_sigma(worst)}{where}"), Clause("."))
 

@@ -174,14 +174,15 @@ class _Collector:
             mean, covariance = (
                 joined([getattr(part, each) for part in self._smoothed[name]]) for each in ("mean", "covariance")
             )
-        sensors = list(parts[0].nis_by)
+        nis = [part.believed_nis_by for part in parts]
+        sensors = list(nis[0])
         extension = extension_of(entry, config)
         return ReplayedFilter(
             channels=filter_channels(entry, config),
             names=(*layout.COMPONENTS, *(() if extension is None else extension.names)),
             mean=mean,
             sigma=np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)),
-            nis={sensor: joined([part.nis_by[sensor] for part in parts]) for sensor in sensors},
+            nis={sensor: joined([each[sensor] for each in nis]) for sensor in sensors},
             dof={sensor: np.concatenate([part.dof_by[sensor] for part in parts], axis=1) for sensor in sensors},
             residuals={
                 sensor: ChannelResiduals(

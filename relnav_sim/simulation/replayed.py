@@ -28,7 +28,8 @@ class ReplayedFilter:
         names: The components of the state, (n,).
         mean: Estimates, (runs, T, n): position and velocity, RTN, m and m/s, and the augmented states behind them.
         sigma: Standard deviations that the filter states, (runs, T, n).
-        nis: Normalised innovation squared by sensor, each (runs, T); NaN where it was not read.
+        nis: Normalised innovation squared by sensor, with the R that the filter works with, each (runs, T); NaN where
+            it was not read.
         dof: Channels read by sensor, each (runs, T).
         residuals: Residuals by sensor and channel.
         smoothed_change: (x_f - x_s) / sqrt(P_f - P_s), (runs, T, n): by how much later measurements moved each

@@ -8,7 +8,8 @@ runs.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -38,6 +39,7 @@ class Consistency:
         factor: Actual error of that part in units of its formal sigma, root of the ANEES.
         low: Lower end of its interval at the level 1 - 0.05 / 3; NaN where there is none, of one run.
         high: Upper end.
+        overconfident: The parts that are off above, of `layout.BLOCKS`.
     """
 
     verdict: ConsistencyVerdict
@@ -45,6 +47,7 @@ class Consistency:
     factor: float
     low: float
     high: float
+    overconfident: tuple[str, ...] = ()
 
 
 def consistency_of(anees: Array) -> Consistency | None:
@@ -74,13 +77,16 @@ def consistency_of(anees: Array) -> Consistency | None:
     level = 1 - _CHANCE_OF_ERROR / len(parts)
     wider = [mean_interval(values, level) for values in anees.T]
     off = [_is_off(part) for part in wider]
-    factors = [math.sqrt(part.estimate) for part in parts]
-    above = [place for place, factor in enumerate(factors) if off[place] and factor > 1]
-    below = [place for place, factor in enumerate(factors) if off[place] and factor < 1]
+    factors = {name: math.sqrt(part.estimate) for name, part in zip(layout.BLOCKS, parts, strict=True)}
+    above = {name: factor for (name, factor), is_off in zip(factors.items(), off, strict=True) if is_off and factor > 1}
+    below = {
+        name: 1 / factor for (name, factor), is_off in zip(factors.items(), off, strict=True) if is_off and factor < 1
+    }
     if above:
-        return _resting_on("overconfident", _farthest(above, factors), wider)
+        found = _resting_on("overconfident", layout.BLOCKS.index(farthest(above)), wider)
+        return replace(found, overconfident=tuple(above))
     if below and all(part.high <= _HIGHEST for part in parts):
-        return _resting_on("conservative", _farthest(below, [1 / factor for factor in factors]), wider)
+        return _resting_on("conservative", layout.BLOCKS.index(farthest(below)), wider)
     unknown = [place for place, part in enumerate(parts) if not _is_known(part)]
     if unknown:
         widest = max(unknown, key=lambda place: wider[place].high - wider[place].low)
@@ -88,17 +94,21 @@ def consistency_of(anees: Array) -> Consistency | None:
     return _resting_on("consistent", 0, wider)
 
 
+def farthest(factors: Mapping[str, float]) -> str:
+    """Return which part is farthest off; the whole state, where it is among them, stands for what is near it.
+
+    Args:
+        factors: How far each part is off, by its name of `layout.BLOCKS`.
+    """
+    whole, part = layout.BLOCKS[0], max(factors, key=lambda name: factors[name])
+    return whole if whole in factors and factors[part] <= (1 + SIGMA_MARGIN) * factors[whole] else part
+
+
 def _resting_on(verdict: ConsistencyVerdict, place: int, parts: list[Interval]) -> Consistency:
     low, factor, high = (
         float(np.sqrt(max(value, 0.0))) for value in (parts[place].low, parts[place].estimate, parts[place].high)
     )
     return Consistency(verdict, layout.BLOCKS[place], factor, low, high)
-
-
-def _farthest(places: list[int], factors: list[float]) -> int:
-    """Return which part is farthest off; the whole state unless another one is so by more than the margin."""
-    farthest = max(places, key=lambda place: factors[place])
-    return 0 if 0 in places and factors[farthest] <= (1 + SIGMA_MARGIN) * factors[0] else farthest
 
 
 def _is_near(part: Interval) -> bool:

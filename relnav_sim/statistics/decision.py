@@ -2,8 +2,8 @@
 
 1. A filter is refused whose sensors cannot observe the state, whose estimates are known only later, that completed no
    run, failed or diverged in a run (in more than a requirement allows, where there is one), misses a requirement, or
-   whose errors are more than `OVERCONFIDENT` times its formal sigma, those of position or velocity as those of the
-   whole state.
+   whose errors are more than `OVERCONFIDENT` times its formal sigma: those of the whole state, or those of position or
+   velocity where these are surely too large.
 2. Of the others those that meet every requirement beyond doubt are preferred; where there are none, all the others.
    A requirement that a filter was not asked to meet is undecided for it.
 3. Of these the filter with the smallest position RMS is chosen. The difference of each other one is "equivalent" where
@@ -19,12 +19,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+from relnav_sim.results import layout
+from relnav_sim.statistics.consistency_verdict import farthest
 from relnav_sim.statistics.equivalence import Difference, Effect
 from relnav_sim.statistics.findings import Verdict
 from relnav_sim.statistics.intervals import NO_INTERVAL, Interval
 
 OVERCONFIDENT = 1.5
 """Errors this many times the formal sigma, root of the ANEES, are too many for a filter to be recommended."""
+
+_WHOLE = layout.BLOCKS[0]
 
 Reason = Literal["not observable", "known later", "no run", "failed", "diverged", "requirement", "overconfident"]
 _FIRST = ("not observable", "known later", "no run", "failed", "diverged", "requirement", "overconfident")
@@ -50,9 +54,9 @@ class Candidate:
         runs: Number of computed runs.
         failed: How many of them failed.
         diverged: How many diverged without failing.
-        error_over_sigma: Root of the ANEES: the errors in units of the formal sigma; NaN where it is not known.
-        error_of: The part of the state that this is of, where it is overconfident beyond the whole state; else empty.
-        overconfident: Whether its covariance is surely too small, by however little (`consistency_of`).
+        errors_over_sigma: Root of the ANEES, the errors in units of the formal sigma, of each part of the state, by the
+            names of `layout.BLOCKS`; NaN where it is not known.
+        overconfident: The parts whose covariance is surely too small, by however little (`consistency_of`).
         verdicts: On each requirement that is about the filter, by name.
         not_asked: Requirements that are about other filters only: as undecided as one that no run has judged.
         limited: The losses that a requirement limits, ``failed`` and ``diverged``: then its verdict says enough.
@@ -66,9 +70,8 @@ class Candidate:
     runs: int = 0
     failed: int = 0
     diverged: int = 0
-    error_over_sigma: Interval = NO_INTERVAL
-    error_of: Literal["", "position", "velocity"] = ""
-    overconfident: bool = False
+    errors_over_sigma: Mapping[str, Interval] = field(default_factory=dict)
+    overconfident: tuple[str, ...] = ()
     verdicts: Mapping[str, Verdict] = field(default_factory=dict)
     not_asked: tuple[str, ...] = ()
     limited: frozenset[str] = frozenset()
@@ -79,6 +82,25 @@ class Candidate:
     def meets_all(self) -> bool:
         """Whether it meets every requirement beyond doubt."""
         return not self.not_asked and all(verdict == "pass" for verdict in self.verdicts.values())
+
+    @property
+    def too_overconfident(self) -> tuple[str, ...]:
+        """The parts of the state whose errors are too many formal sigmas for it to be recommended."""
+        return tuple(
+            part
+            for part, one in self.errors_over_sigma.items()
+            if one.estimate > OVERCONFIDENT and (part == _WHOLE or part in self.overconfident)
+        )
+
+    @property
+    def most_overconfident(self) -> str:
+        """The part of the state whose errors speak most against its covariance; the whole state where none does."""
+        parts = self.too_overconfident or self.overconfident or (_WHOLE,)
+        return farthest({part: self.error_over_sigma(part).estimate for part in parts})
+
+    def error_over_sigma(self, part: str) -> Interval:
+        """Return the errors of a part of the state in units of the formal sigma; NaN where they are not known."""
+        return self.errors_over_sigma.get(part, NO_INTERVAL)
 
 
 @dataclass(frozen=True)
@@ -206,7 +228,7 @@ def refusals_of(item: Candidate) -> tuple[Refusal, ...]:
     if item.diverged and "diverged" not in item.limited:
         found.append(Refusal("diverged", count=item.diverged))
     found += [Refusal("requirement", name) for name, verdict in item.verdicts.items() if verdict == "fail"]
-    if item.error_over_sigma.estimate > OVERCONFIDENT:
+    if item.too_overconfident:
         found.append(Refusal("overconfident"))
     if not found and not math.isfinite(item.position.estimate):
         found.append(Refusal("no run"))

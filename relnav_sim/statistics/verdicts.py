@@ -91,6 +91,33 @@ def ratio_of_means(first: ArrayLike, second: ArrayLike, level: float = CONFIDENC
     return Interval(ratio, ratio - half, ratio + half, level, n)
 
 
+def fiellers_ratio(first: ArrayLike, second: ArrayLike, level: float = CONFIDENCE) -> Interval:
+    """Return the same ratio where the second mean may be near zero, so that it can't be linearised.
+
+    The interval is Fieller's (J. Royal Statistical Society B 16(2), 1954): of the ratios q for which Student's paired
+    test does not tell the mean of first - q second from zero. It has no upper end where that test does not tell the
+    second mean from zero, and no end at all where it does not tell the first one either.
+
+    Args:
+        first: One figure per run (runs,), a size or a share.
+        second: The other's for the same runs, in the same order.
+        level: Confidence.
+    """
+    a, b = _paired(first, second)
+    n = len(a)
+    if n < 2 or b.mean() == 0:
+        return ratio_of_means(a, b, level)
+    (aa, ab), (_, bb) = np.cov(a, b) * _student(level, n) ** 2 / n
+    # A q^2 - 2 B q + C <= 0 is mean(a - q b)^2 <= t^2 var(a - q b) / n.
+    A, B, C = b.mean() ** 2 - bb, a.mean() * b.mean() - ab, a.mean() ** 2 - aa
+    root, low, high = math.sqrt(max(0.0, B * B - A * C)), -math.inf, math.inf
+    if A > 0:
+        low, high = (B - root) / A, (B + root) / A
+    elif C > 0:
+        low = C / (B + root)
+    return Interval(float(a.mean() / b.mean()), float(low), float(high), level, n)
+
+
 def mean_of_runs(values: ArrayLike, level: float = CONFIDENCE) -> Interval:
     """Return the mean over runs with Student's interval; runs without a figure (NaN) are left out."""
     sample = np.asarray(values, dtype=np.float64)

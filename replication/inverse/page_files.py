@@ -72,5 +72,5 @@ def _best(bank: Mapping[str, Any]) -> Iterable[tuple[str, Mapping[str, Any]]]:
 
 def _law(unknown: Mapping[str, Any]) -> str:
     if "choices" in unknown:
-        return "; ".join(f"{name} {part:.0%}" for name, part in unknown["choices"].items())
+        return "; ".join(f"{name} {100 * part:.0f} %" for name, part in unknown["choices"].items())
     return "; ".join(f"{end:.3g}" for end in unknown.get("quantiles", unknown.get("interval", ())))

@@ -49,7 +49,7 @@ ORBITS = tuple(
         "alpha_kf_orbit",
         IMPLIED,
         case,
-        family=f"{IMPLIED_WORDS} on another orbit",
+        family=f"{IMPLIED_WORDS} and the orbit is another one",
     )
     for name, words, case in (
         ("near-polar, e = 0.002", "i = 97.6 deg and e = 0.002", NEAR_POLAR),

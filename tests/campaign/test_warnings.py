@@ -9,6 +9,9 @@ from relnav_sim.campaign.idle_options import idle_options
 from relnav_sim.campaign.implausible import implausible_values
 from relnav_sim.campaign.load import load_campaign, parse_campaign
 from relnav_sim.campaign.warnings import campaign_warnings, flown_warnings
+from relnav_sim.sensors.noise.gauss_markov import GaussMarkovNoise
+from relnav_sim.sensors.noise.process import NoiseSetting
+from relnav_sim.streams import RandomSource
 
 ELLIPSE = """
 name: ellipse
@@ -121,6 +124,23 @@ def test_numbers_that_no_flight_has_are_told_with_their_unit():
         "filters.ekf.process_noise.acceleration_psd_m2_s3: 1e+60 m^2/s^3 is implausibly large; check the unit.",
         "grid.start.velocity_sigma_m_s: 300000 m/s is implausibly large; check the unit.",
     ]
+
+
+def test_a_correlation_time_without_end_is_a_bias_and_no_slip():
+    """Ten days of noise with tau = 1e12 s change by sqrt(2 t / tau) = 0.13 % of sigma, root mean square."""
+    part = GaussMarkovNoise(tau_s=1e12)
+    noise = "[{kind: gaussian}, {kind: gauss_markov, tau_s: 1.0e12}, {kind: outage, windows_s: [[2000, 1.0e12]]}]"
+    text = ELLIPSE.replace("HOST", "chief").replace(
+        "radar: {", f"radar: {{range_limits_m: [0, 1.0e12], noise: {noise}, "
+    )
+    assert implausible_values(parse_campaign(text).content) == []
+    assert implausible_values({"grid": {"sensors.radar.noise.1.tau_s": [1e12]}, "clock": {"step_s": 1e12}}) == [
+        "clock.step_s: 1e+12 s is implausibly large; check the unit."
+    ]
+    setting = NoiseSetting("noise", RandomSource(1, tuple(range(50))), 1, 864.0)
+    drawn = part.process(setting).sample(864.0 * np.arange(1000))
+    assert np.std(drawn[:, 0]) == pytest.approx(1, abs=0.3)
+    assert np.sqrt(np.mean(np.square(drawn[:, -1] - drawn[:, 0]))) == pytest.approx(np.sqrt(2 * 863136 / 1e12), rel=0.3)
 
 
 def test_no_campaign_that_comes_with_relnav_has_idle_options():

@@ -1,5 +1,7 @@
 """A class that changes one part of a measurement is believed in all that filters ask of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,6 +67,37 @@ def test_a_measurement_of_which_one_part_is_changed(kind, options, change, base)
     np.testing.assert_allclose(found, estimate(kind, options, Parts(changed), z), rtol=1e-9, atol=1e-9)
     if kind == "ekf":
         assert np.abs(found - estimate(kind, options, plain, z)).max() > 1e-3
+
+
+# What `noise` calls where the attitude has an error.
+WITHIN = {SphericalRadar: "_covariance", ConvertedRadar: "_covariances", TangentSight: "_turned"}
+SAMPLING = {"samples": 64, "sampling": "fixed"}
+
+
+@pytest.mark.parametrize(("kind", "options"), [("ekf", {}), ("ukf", {}), ("alpha_kf", SAMPLING)])
+@pytest.mark.parametrize("base", MADE)
+def test_what_a_part_calls_is_replaced_as_the_part_itself_is(kind, options, base, monkeypatch):
+    def noisy(self, *arguments):
+        return 100 * getattr(base, WITHIN[base])(self, *arguments)
+
+    monkeypatch.setitem(globals(), "NOISE", replace(NOISE, attitude=1e-6 * np.eye(3)))
+    within, changed = type("Within", (base,), {WITHIN[base]: noisy}), type("Changed", (Noisy, base), {})
+    z = np.tile(READING[base], (1, 3, 1))
+    found, expected, plain = (estimate(kind, options, MADE[base](each), z) for each in (within, changed, base))
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    assert np.abs(found - plain).max() > 1e-3
+
+
+def test_angles_of_a_class_are_those_that_are_wrapped():
+    class Wound(SphericalRadar):
+        """Azimuth counted on beyond a turn."""
+
+        angles = ()
+
+    radar, state = Wound(np.eye(3), NOISE), MEAN0[None]
+    z = radar.predict(state, 0) + np.array([0.0, 2 * np.pi, 0.0])
+    assert radar.linearised(z, state, 0)[0][0, 1] == pytest.approx(2 * np.pi)
+    assert SphericalRadar(np.eye(3), NOISE).linearised(z, state, 0)[0][0, 1] == pytest.approx(0, abs=1e-12)
 
 
 def test_a_class_that_says_more_keeps_what_it_says():

@@ -212,13 +212,17 @@ def test_only_names_what_others_fail_without():
         assert Judgement(rule, found, "reproduced only if", ()).conditions == (holds.words,)
 
 
-def test_a_ratio_that_may_be_nought_is_told_by_its_interval():
+def test_a_ratio_to_what_may_be_nought_has_no_upper_end():
     part = Part("outliers, below that of b", "margin", ("a",), "r", "%", ("b",), at_least=0.0)
     rule = Rule("A10", "", (part,), (Interpretation("one", "as one"),))
-    effect = Effect(part, Interval(-2900.0, -5900.0, 120.0, 0.95, 100), "open")
-    item = Evidence(rule.main[0], True, (effect,), "open", "")
-    words = found_in_words(Judgement(rule, (item,), "not reproduced", ()))
-    assert words == "Outliers, over that of b: undecided, the ratio's interval is 0 to 60"
+    for high, told in (
+        (-1340.0, "29.8 \N{MULTIPLICATION SIGN} [14.4 or more]"),
+        (math.inf, "29.8 \N{MULTIPLICATION SIGN} [no bound]"),
+    ):
+        effect = Effect(part, Interval(-2880.0, -math.inf, high, 0.95, 100), "open")
+        item = Evidence(rule.main[0], True, (effect,), "open", "")
+        words = found_in_words(Judgement(rule, (item,), "not reproduced", ()))
+        assert words == f"Outliers, over that of b {told}"
 
 
 def test_what_a_paper_gives_word_for_word_stands_with_the_verdict(of_committed):
@@ -280,3 +284,10 @@ def test_no_figure_is_left_that_no_page_shows(of_committed):
     shown = {f"{plot.name}.png" for part in of_committed.papers for plot in part.plots}
     if not of_committed.missing:
         assert {path.name for path in (DOCS / DOCS_FIGURES).glob("*.png")} == shown
+
+
+def test_a_space_stands_before_every_per_cent_sign():
+    pages = sorted(DOCS.glob("replication*"))
+    assert len(pages) == 5
+    for page in pages:
+        assert not re.search(r"\d%", page.read_text(encoding="utf-8")), page.name

@@ -58,7 +58,7 @@ def test_a_claim_that_holds_only_with_implied_noise_says_so():
     judgement = judge(BY_CLAIM["A1"], Synthetic(figures))
     assert judgement.verdict == "reproduced only if"
     implied = "if each filter has the process noise that its own published radial bias implies"
-    assert judgement.conditions == (implied, f"{implied} on another orbit")
+    assert judgement.conditions == (implied, f"{implied} and the orbit is another one")
 
 
 def test_half_of_a_reduction_is_the_border():

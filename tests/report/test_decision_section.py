@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.stats
 
 from relnav_sim import report
 from relnav_sim.plots.facts import case_facts
@@ -197,6 +198,30 @@ def test_an_overconfident_position_counts_though_the_whole_state_looks_right(mak
     said = _said(make_result(filters={"ekf": 0.5, "ukf": 1.0}, summaries=far))
     assert said.startswith("Fly ukf")
     assert "ekf (overconfident: position errors 2.00 times the formal sigma (limit 1.5))" in said
+
+
+def test_a_position_beyond_the_limit_is_refused_though_the_whole_state_is_just_within(make_result: ResultMaker) -> None:
+    beyond = {"ekf": {"anees": _anees(1.48**2, 1.53**2, 1.42**2)}}
+    said = _said(make_result(filters={"ekf": 0.5, "ukf": 1.0}, summaries=beyond))
+    assert said.startswith("Fly ukf")
+    assert "ekf (overconfident: position errors 1.53 times the formal sigma (limit 1.5))" in said
+
+
+def test_what_is_not_surely_below_the_limit_is_any_part_of_the_state(make_result: ResultMaker) -> None:
+    """The whole state is surely at 1; the velocity at 1.2, in an interval of 12 runs that reaches beyond 1.5."""
+    runs = _anees(1.0, 1.0, 1.0)
+    runs[..., 2] = np.repeat([0.1, 2.78], 6)[:, None]
+    half = scipy.stats.t.ppf(0.975, 11) * runs[:, 0, 2].std(ddof=1) / np.sqrt(12)
+    low, high = np.sqrt(1.44 - half), np.sqrt(1.44 + half)
+    assert high > 1.5
+    doubtful, sure = (
+        _said(make_result(filters={"ekf": 0.5, "ukf": 1.0}, summaries={"ekf": {"anees": each}}))
+        for each in (runs, _anees(1.0, 1.0, 1.44))
+    )
+    assert doubtful.startswith("Fly ekf") and sure.startswith("Fly ekf")
+    size = f"velocity error / formal sigma 1.20 [{low:.3g}, {high:.3g}]"
+    assert f"that ekf is not overconfident ({size}, limit 1.5)" in doubtful
+    assert "is not overconfident" not in sure
 
 
 def test_the_default_requirement_on_consistency_is_on_each_part(make_result: ResultMaker) -> None:

@@ -25,7 +25,7 @@ def _exactly(value: float) -> Interval:
 
 def _case(index: int, diverged: str = "", **sizes: float) -> CaseEvidence:
     candidates = tuple(
-        Candidate(name, _exactly(size), _exactly(size), RUNS, 0, 3 * (name in diverged), _exactly(1.0))
+        Candidate(name, _exactly(size), _exactly(size), RUNS, 0, 3 * (name in diverged), {"full": _exactly(1.0)})
         for name, size in sizes.items()
     )
     (a, first), (b, second) = sizes.items()
@@ -90,7 +90,7 @@ def test_the_lead_names_the_requirement_that_sets_filters_aside() -> None:
     judged += [_judged("rare", name, "undecided" if name == "c" else "pass") for name in "abc"]
     candidates = tuple(
         Candidate(
-            name, _exactly(1.0), _exactly(1.0), RUNS, 0, 0, _exactly(1.0),
+            name, _exactly(1.0), _exactly(1.0), RUNS, 0, 0, {"full": _exactly(1.0)},
             verdicts={one.name: one.verdict for one in judged if one.filter == name},
         )
         for name in "abc"
@@ -152,7 +152,8 @@ def test_the_error_budget_names_its_case_where_there_are_several() -> None:
 def _one_case(sizes: dict[str, float], half_percent: float) -> CaseEvidence:
     """Return filters in the order of their size, whose differences are all known to ± a half width."""
     candidates = tuple(
-        Candidate(name, _exactly(size), _exactly(size), RUNS, 0, 0, _exactly(1.0)) for name, size in sizes.items()
+        Candidate(name, _exactly(size), _exactly(size), RUNS, 0, 0, {"full": _exactly(1.0)})
+        for name, size in sizes.items()
     )
     names = list(sizes)
     differences = {}

@@ -117,6 +117,28 @@ def test_normalised_residuals_are_those_of_the_nis():
     assert np.isnan(residuals[:, 1:]).all()
 
 
+def test_nis_of_a_replay_is_that_of_the_campaign_with_the_noise_that_filters_work_with():
+    """`alpha_kf` on a linear measurement is `kf` with R / alpha: one NIS judges them, to one verdict."""
+    filters = {
+        "kf": "{kind: kf, r_scale: 2, dynamics: {kind: cw}}",
+        "alpha": "{kind: alpha_kf, alpha: 0.5, samples: 512, sampling: fixed, dynamics: {kind: cw}}",
+        "windowed": "{kind: adaptive_alpha_kf, scheme: windowed_nis, window: 20, dynamics: {kind: cw}}",
+        "two_step": "{kind: adaptive_two_step, dynamics: {kind: cw}}",
+    }
+    made, runs = campaign([RADAR], filters, step="10"), (0, 1, 2)
+    flown = simulate_block(made.cases[0], made.seed, runs).result
+    done = replay_block(made.cases[0], made.seed, list(record(made.cases[0].config, made.seed, runs)), False)
+    for name, one in done.filters.items():
+        figures = flown.filters[name].diagnostics
+        own = figures.get("nis_tempered", flown.filters[name].summary["nis_mean"][:, 0])
+        np.testing.assert_allclose(np.nanmean(one.nis["radar"], axis=1), own, rtol=1e-12, err_msg=name)
+    kf, alpha = (
+        nis_check("radar", done.filters[name].nis["radar"], done.filters[name].dof["radar"]) for name in ("kf", "alpha")
+    )
+    assert kf.finding == alpha.finding == "conservative"
+    np.testing.assert_allclose(alpha.ratio, kf.ratio, rtol=0.01)
+
+
 def test_change_by_smoothing_is_that_of_the_smoother():
     made = campaign([RADAR], {"kf": "{kind: kf, dynamics: {kind: cw}}"})
     recorded = list(record(made.cases[0].config, made.seed, [0]))

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binom
 
 from relnav_sim import LinearDynamics, create_filter, run_filter
 from relnav_sim.measurements.linear import LinearMeasurement
+from relnav_sim.results import layout
 from relnav_sim.statistics.consistency import normalised_errors
 from relnav_sim.statistics.consistency_verdict import consistency_of
+from relnav_sim.statistics.decision import Candidate
+from relnav_sim.statistics.intervals import NO_INTERVAL, mean_interval
 
 CAMPAIGNS, RUNS, EPOCHS = 150, 20, 40
 F = np.block([[np.eye(3), 10 * np.eye(3)], [np.zeros((3, 3)), 0.95 * np.eye(3)]])
@@ -89,3 +94,29 @@ def test_consistent_is_said_of_no_part_whose_interval_leaves_out_one():
     """Twelve runs whose sigma is 12 % too small: significant at 95 %, not for three looks."""
     runs = np.outer(1.25 + 0.335 * np.linspace(-1.6, 1.6, 12) / 0.99, np.ones(3))
     assert consistency_of(runs).verdict == "may be consistent"
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "refused"),
+    [
+        (1.0, 1.0, (0.0, 0.0)),
+        (1.35, 1.35, (0.0, 0.05)),
+        (1.6, 1.4, (0.9, 1.0)),
+        (1.4, 1.6, (0.9, 1.0)),
+        (1.7, 1.7, (0.97, 1.0)),
+    ],
+)
+def test_a_filter_is_refused_by_the_part_whose_sigma_is_known_to_be_too_small(flown, position, velocity, refused):
+    """Limit 1.5, sigmas known by design; the whole state of the third and the fourth is at 1.5 alone in half of all."""
+    campaigns = anees(flown, (1 / position, 1 / velocity))
+    least, most = refused
+    share = np.mean([bool(candidate(each).too_overconfident) for each in campaigns])
+    assert least <= share <= most
+
+
+def candidate(runs):
+    errors = {}
+    for name, values in zip(layout.BLOCKS, runs.T, strict=True):
+        one = mean_interval(values)
+        errors[name] = replace(one, low=one.low**0.5, estimate=one.estimate**0.5, high=one.high**0.5)
+    return Candidate("a", NO_INTERVAL, errors_over_sigma=errors, overconfident=consistency_of(runs).overconfident)

@@ -24,7 +24,9 @@ def _exactly(value: float) -> Interval:
 
 
 def _candidate(name: str, rms: float, sigma: float = 1.0, **more: Any) -> Candidate:
-    return Candidate(name, _exactly(rms), _exactly(rms / 1000), RUNS, error_over_sigma=_exactly(sigma), **more)
+    return Candidate(
+        name, _exactly(rms), _exactly(rms / 1000), RUNS, errors_over_sigma={"full": _exactly(sigma)}, **more
+    )
 
 
 def _case(*candidates: Candidate, index: int = 0, half: float = 0.1) -> CaseEvidence:

@@ -10,6 +10,7 @@ from relnav_sim.statistics.intervals import Interval
 from relnav_sim.statistics.verdicts import (
     difference_of_means,
     difference_of_rates,
+    fiellers_ratio,
     judged,
     mean_of_runs,
     ratio_of_means,
@@ -73,6 +74,48 @@ def test_the_ratio_of_means_covers_the_true_one():
         covered += found.low <= 0.5 <= found.high
     # Binomial with 1000 trials at 0.95: 3.3 standard deviations.
     assert abs(covered - 950) < 3.3 * math.sqrt(1000 * 0.95 * 0.05)
+
+
+def test_fiellers_ends_are_where_the_paired_test_stands_at_its_level():
+    rng = np.random.default_rng(5)
+    b = rng.exponential(1.0, 12)
+    a = 0.4 * b + rng.exponential(0.3, 12)
+    found = fiellers_ratio(a, b, level=0.9)
+    for end in (found.low, found.high):
+        assert stats.ttest_1samp(a - end * b, 0).pvalue == pytest.approx(0.1, rel=1e-9)
+    assert found.low < found.estimate == a.mean() / b.mean() < found.high
+
+
+def test_a_ratio_to_what_may_be_nought_has_no_upper_end():
+    rng = np.random.default_rng(3)
+    rare = np.where(np.arange(100) < 3, 0.005, 0.0)  # in 3 of 100 runs: Student's test does not tell it from zero
+    often = np.where(rng.random(100) < 0.5, 0.012, 0.0)
+    assert stats.ttest_1samp(rare, 0).pvalue > 0.05
+    found = fiellers_ratio(often, rare)
+    assert found.high == math.inf
+    assert stats.ttest_1samp(often - found.low * rare, 0).pvalue == pytest.approx(0.05, rel=1e-9)
+    assert judged(found, at_most=1.0) == "fails"  # as the paired test says, at p < 1e-6
+    assert stats.ttest_1samp(often - rare, 0).pvalue < 1e-6
+    assert judged(ratio_of_means(often, rare), at_most=1.0) == "open"
+    unknown = fiellers_ratio(rare[::-1], rare)
+    assert (unknown.low, unknown.high) == (-math.inf, math.inf)
+    assert math.isnan(fiellers_ratio(often, np.zeros(100)).low)
+
+
+def test_fiellers_interval_covers_the_true_ratio_whatever_the_denominator():
+    """Exact for Gaussian figures: as often as 95 %, or oftener where it has no end, within 3.3 standard deviations."""
+    rng = np.random.default_rng(11)
+    least = 0.95 - 3.3 * math.sqrt(0.95 * 0.05 / 1000)
+    for size in (0.3, 3.0):
+        b = rng.normal(size, 1.0, (1000, 12))
+        a = b + rng.normal(size, 0.5, (1000, 12))
+        found = [fiellers_ratio(x, y) for x, y in zip(a, b, strict=True)]
+        covered = np.mean([one.low <= 2.0 <= one.high for one in found])
+        assert covered > least
+        if size == 3.0:
+            assert covered < 1.95 - least
+        # Student's paired test of the true ratio, by SciPy.
+        assert covered >= np.mean(stats.ttest_1samp(a - 2.0 * b, 0, axis=1).pvalue > 0.05)
 
 
 def test_paired_runs_that_are_alike_have_a_ratio_without_spread():

@@ -24,7 +24,10 @@ class GaussMarkovNoise(Options):
     effect: ClassVar[Effect] = Effect("correlated noise", "states")
 
     kind: Literal["gauss_markov"] = Field(default="gauss_markov", description="First-order Gauss-Markov noise")
-    tau_s: float = Field(gt=0, description="Correlation time, s: the autocorrelation falls to 1/e")
+    tau_s: float = Field(
+        gt=0,
+        description="Correlation time, s: the autocorrelation falls to 1/e; one far longer than the run makes a bias",
+    )
     scale: float = Field(
         default=1.0,
         gt=0,

@@ -180,10 +180,10 @@ def test_both_forms_of_the_measurement_tell_the_same():
     b = extra.sigma * rng.normal(size=(5, 7))
     z = np.array([12000.0, 1.0, -0.3]) + rng.normal(size=(5, 3)) * [100, 0.5, 0.5]
     plain = radar("spherical")
-    by_angles = plain.position(RadarDistortion(errors_of(extra)).apply(z, b))
-    by_position = RadarDistortion(errors_of(extra), MOUNTING @ NADIR_FROM_RTN).apply(plain.position(z), b)
+    by_angles = plain.position(RadarDistortion(errors_of(extra)).apply(z, b), 0)
+    by_position = RadarDistortion(errors_of(extra), MOUNTING @ NADIR_FROM_RTN).apply(plain.position(z, 0), b)
     assert np.allclose(by_angles, by_position, rtol=0, atol=1e-8)
-    assert np.abs(by_angles - plain.position(z)).max() > 1
+    assert np.abs(by_angles - plain.position(z, 0)).max() > 1
 
 
 def test_an_attitude_error_moves_the_sight_as_the_attitude_noise_does():
