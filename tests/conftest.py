@@ -1,10 +1,15 @@
 """What tests of several rooms use."""
 
+import functools
 import gc
 from collections.abc import Iterator
 
 import pytest
+import typer.main
 from hypothesis import HealthCheck, settings
+
+# Before `typer.testing` imports it. Made anew for each call, all commands cost more than most of what a test asks.
+typer.main.get_command = functools.cache(typer.main.get_command)
 
 # By the wall clock; that others use the machine too is no fault of what is tested.
 settings.register_profile("shared machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
