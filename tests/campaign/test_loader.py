@@ -178,7 +178,7 @@ FRAGMENTS = [
 ]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.one_of(st.text(max_size=200), st.lists(st.sampled_from(FRAGMENTS), max_size=60).map("".join)))
 def test_a_text_is_a_campaign_or_refused_in_sentences(text):
     try:
@@ -188,7 +188,7 @@ def test_a_text_is_a_campaign_or_refused_in_sentences(text):
         assert all(problem.startswith("campaign:") and "\n" not in problem for problem in error.problems)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.binary(max_size=300))
 def test_any_bytes_are_text_or_refused_in_a_sentence(content):
     try:
@@ -212,7 +212,7 @@ plain = st.recursive(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(plain)
 def test_json_is_read_as_json(data):
     document = load_document(json.dumps(data, ensure_ascii=False))
@@ -220,7 +220,7 @@ def test_json_is_read_as_json(data):
     assert document.data == data
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(st.dictionaries(st.sampled_from(["name", "seed", "runs", "clock", "truth", "start", "filters", "grid"]), plain))
 def test_any_data_is_a_campaign_or_refused_in_sentences(data):
     try:

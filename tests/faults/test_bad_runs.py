@@ -122,6 +122,7 @@ def failures(out):
     return {failure.filter: failure.reason for failure in found}
 
 
+@pytest.mark.slow
 def test_exceptions_and_divergence(with_plugin):
     here = with_plugin("exits", "raises", "unstartable", "diverges")
     code, _, stderr = here.run("run", "small.yaml", "--backend", "sequential")

@@ -12,7 +12,9 @@ SMALLER = {"samples": 200, "particles": 200}
 def test_runs_in_a_campaign(campaign, tmp_path, kind):
     fields = filter_kinds()[kind].options_model.model_fields
     options = "".join(f", {name}: {value}" for name, value in SMALLER.items() if name in fields)
-    parsed = campaign(f"filters={{this: {{kind: {kind}{options}}}}}", "runs=2", "clock.duration_s=12", "grid={}")
+    parsed = campaign(
+        f"filters={{this: {{kind: {kind}{options}}}}}", "runs=2", "clock.duration_s=12", "grid={}", "bound=false"
+    )
     out = run_campaign(parsed, tmp_path / "out.h5", backend="sequential")
     with open_results(out) as results:
         assert not results.failures()

@@ -144,6 +144,7 @@ def test_a_campaign_that_grew_is_the_whole(tmp_path, reference):
     assert_same_file(reference, merge_results(tmp_path / "merged.h5", [out.with_name("grown.h5.shards")]))
 
 
+@pytest.mark.slow
 def test_one_run_at_full_rate_is_that_of_the_campaign(tmp_path, reference):
     path = run_single(made(), 1, 2, tmp_path / "one.h5", trace=True, backend="sequential")
     with open_results(path) as one, open_results(reference) as many:
