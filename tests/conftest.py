@@ -24,6 +24,7 @@ def pytest_collection() -> Iterator[None]:
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(10_000)  # a figure is thousands of objects; by default each is looked at several times
         gc.enable()
 
 
