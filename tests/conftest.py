@@ -33,3 +33,9 @@ def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make a report's figures with all their words, but no pixels of them: for tests of words and tables."""
     for name, start in (("png", b"\x89PNG"), ("pdf", b"%PDF")):
         monkeypatch.setattr(f"relnav_sim.plots.style.{name}", lambda *_, start=start: start)
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave a report's figures out: for tests of what it says beside them."""
+    monkeypatch.setattr("relnav_sim.report.pictures._drawn", lambda *_: iter(()))

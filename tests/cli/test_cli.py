@@ -269,7 +269,7 @@ class TestResults:
         assert "the rule to stop watches 'ukf', which must be among the filters" in words
 
     def test_quiet_says_nothing_of_what_goes_well(self, demo):
-        short = ["--set", "statistics.convergence_hold_s=5"]
+        short = ["--set", "statistics.convergence_hold_s=5", "--set", "bound=false"]
         for more in ([], [], ["--runs", "6"], ["--fresh"]):
             result = invoke("run", demo, *TINY, *short, "--filter", "ekf", *more, "--quiet")
             assert (result.exit_code, result.output) == (0, "")
