@@ -199,6 +199,7 @@ def test_mean_and_covariance_are_those_of_the_kalman_filter_within_monte_carlo_e
     assert abs(found.nis.mean() - exact.nis.mean()) < 0.03
 
 
+@pytest.mark.slow
 def test_matches_the_unscented_filter_in_orbit():
     """From a poor prior and with the small process noise of an orbit, which needs the kernel."""
     p = radar_problem(runs=12, steps=120)

@@ -102,7 +102,9 @@ ONE_STEP = {
 }
 
 
-@pytest.mark.parametrize(("selection", "target"), ONE_STEP)
+@pytest.mark.parametrize(
+    ("target", "selection"), taking_turns([("absolute",), ("difference",), ("residual",)], ["consecutive", "random"])
+)
 def test_one_step_errors(selection, target):
     """An independent implementation (own gradients, 60 iterations) had these errors on this orbit.
 
