@@ -209,7 +209,7 @@ class TestResults:
         shutil.copytree(computed, "results")
         return Path("results/demo.h5")
 
-    @pytest.mark.usefixtures("unrendered")
+    @pytest.mark.usefixtures("undrawn", "unrendered")
     def test_run_report_inspect_export(self, result):
         written, decision = succeeds("report", "--format", "html,csv").strip().splitlines()
         page = Path(written.removeprefix("wrote "))

@@ -110,8 +110,13 @@ def assert_same_file(a, b):
 
 
 @pytest.fixture(scope="module")
-def reference(tmp_path_factory):
-    return run_campaign(made(), tmp_path_factory.mktemp("everything") / "whole.h5", backend="sequential")
+def whole():
+    return made()
+
+
+@pytest.fixture(scope="module")
+def reference(whole, tmp_path_factory):
+    return run_campaign(whole, tmp_path_factory.mktemp("everything") / "whole.h5", backend="sequential")
 
 
 def test_everything_is_there(reference):
@@ -192,10 +197,10 @@ def test_the_order_of_manoeuvres_does_not_show():
         ("stop={metric: r_rms_m, half_width: 1, at: [2]}", []),
     ],
 )
-def test_what_is_a_change(tmp_path, change, keys):
+def test_what_is_a_change(whole, tmp_path, change, keys):
     path = tmp_path / "everything.yaml"
     path.write_text(TEXT)
-    before, after = load_campaign(path), load_campaign(path, [change])
+    before, after = whole, load_campaign(path, [change])
     assert changed_keys(before.content, after.content) == keys
     assert (before.hash == after.hash) is not bool(keys)
     per_filter = bool(keys) and keys[0].startswith("filters.")
