@@ -151,14 +151,24 @@ def file_model() -> type[Options]:
     return cast(type[Options], made)
 
 
+def file_schema() -> dict[str, Any]:
+    """Return the JSON schema of that model; it is to be read only."""
+    return _file_schema(registered())
+
+
 def file_shape() -> Shape:
     """Return what a campaign file may hold, for messages and documents."""
     return _file_shape(registered())
 
 
 @functools.cache
+def _file_schema(_: Registered) -> dict[str, Any]:
+    return file_model().model_json_schema()
+
+
+@functools.cache
 def _file_shape(_: Registered) -> Shape:
-    return Shape.of(file_model().model_json_schema())
+    return Shape.of(file_schema())
 
 
 @functools.cache

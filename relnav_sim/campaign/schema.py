@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from relnav_sim.campaign.file_model import file_model
+from relnav_sim.campaign.file_model import file_schema
 
 MODELINE = "# yaml-language-server: $schema=schema.json"
 """First line of a campaign file beside a `schema.json`; editors with a YAML language server read it."""
@@ -15,6 +15,6 @@ def schema_text() -> str:
     schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "relnav campaign",
-        **file_model().model_json_schema(),
+        **file_schema(),
     }
     return json.dumps(schema, indent=2) + "\n"

@@ -209,7 +209,7 @@ class TestResults:
         shutil.copytree(computed, "results")
         return Path("results/demo.h5")
 
-    @pytest.mark.usefixtures("unrendered")
+    @pytest.mark.usefixtures("undrawn", "unrendered")
     def test_run_report_inspect_export(self, result):
         written, decision = succeeds("report", "--format", "html,csv").strip().splitlines()
         page = Path(written.removeprefix("wrote "))
@@ -252,10 +252,11 @@ class TestResults:
         assert result.read_bytes() == before
 
     def test_some_filters_first_and_the_others_later(self, demo, computed):
-        few = succeeds("run", demo, *TINY, "--filter", "ekf", "--filter", "imm", "--out", "few.h5")
+        no_bound = ["--set", "bound=false"]
+        few = succeeds("run", demo, *TINY, *no_bound, "--filter", "ekf", "--filter", "imm", "--out", "few.h5")
         assert few.startswith("wrote few.h5")
         assert "filters   ekf, imm\n" in succeeds("inspect", "few.h5")
-        succeeds("run", demo, *TINY, "--out", "few.h5")
+        succeeds("run", demo, *TINY, *no_bound, "--out", "few.h5")
         for case in range(2):
             with open_results("few.h5") as later, open_results(computed / "demo.h5") as at_once:
                 for name in ("kf", "ekf", "ukf", "imm"):
@@ -269,7 +270,7 @@ class TestResults:
         assert "the rule to stop watches 'ukf', which must be among the filters" in words
 
     def test_quiet_says_nothing_of_what_goes_well(self, demo):
-        short = ["--set", "statistics.convergence_hold_s=5"]
+        short = ["--set", "statistics.convergence_hold_s=5", "--set", "bound=false"]
         for more in ([], [], ["--runs", "6"], ["--fresh"]):
             result = invoke("run", demo, *TINY, *short, "--filter", "ekf", *more, "--quiet")
             assert (result.exit_code, result.output) == (0, "")

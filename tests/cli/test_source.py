@@ -142,7 +142,7 @@ def test_the_newest_may_be_unfinished(interrupted, tmp_path):
         newest_result(tmp_path / "nowhere")
 
 
-@pytest.mark.usefixtures("unrendered")
+@pytest.mark.usefixtures("undrawn", "unrendered")
 def test_report_and_inspect(interrupted, monkeypatch):
     out, _ = interrupted
     monkeypatch.chdir(out.parents[1])

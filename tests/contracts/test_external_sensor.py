@@ -105,7 +105,7 @@ class Odd(RelativeSensorOptions):
             "sensors.odd: first_fix's position of the odd sensor returned shape (2, 2); expected (2, 3)",
             marks=pytest.mark.slow,
         ),
-        ("truth.nothing", "sensors.odd: the odd sensor raises AttributeError: "),
+        pytest.param("truth.nothing", "sensors.odd: the odd sensor raises AttributeError: ", marks=pytest.mark.slow),
         pytest.param(
             "np.zeros((2, 3, 2))\n    def in_reach(self, truth):\n        return np.ones(4, bool)",
             "sensors.odd: in_reach of the odd sensor returned shape (4,); expected (2, 3) or (1, 3)",

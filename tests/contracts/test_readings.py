@@ -7,6 +7,7 @@ import pytest
 from every_filter import CAUSAL, KINDS, small_options
 from radar_problem import SIGMAS, polar, polar_jacobian, radar_problem
 from scipy.stats import binom, chi2
+from taking_turns import taking_turns
 
 from relnav_sim import (
     FunctionMeasurement,
@@ -30,6 +31,7 @@ FURTHER = {
     "particle": [{"mcmc_steps": 2}],
 }
 WAYS = [(kind, options) for kind in KINDS for options in ({}, *FURTHER.get(kind, []))]
+CAUSAL_WAYS = [way for way in WAYS if way[0] in CAUSAL]
 
 
 def each_of(ways):
@@ -38,7 +40,7 @@ def each_of(ways):
 
 
 every_way = each_of(WAYS)
-every_causal_way = each_of([way for way in WAYS if way[0] in CAUSAL])
+every_causal_way = each_of(CAUSAL_WAYS)
 
 
 def build(kind, dynamics, measurement, **options):
@@ -101,8 +103,7 @@ def radar_run(kind, options, z, noise, channels=range(3), rows=slice(None), runs
     return run_filter(filter, z[rows], problem.mean0[rows], problem.cov0, seed=1, runs=runs)
 
 
-@every_way
-@pytest.mark.parametrize("noise", NOISES)
+@pytest.mark.parametrize("kind, options, noise", taking_turns(WAYS, list(NOISES)))
 def test_an_absent_channel_is_as_if_the_sensor_did_not_have_it(kind, options, noise):
     """The two filters draw the same random numbers. The two-step filter is only alike: y holds g(x) of all channels."""
     absent = {"correlated": 0, "one switch": 1, "switch by channel": 1}.get(noise, 2)
@@ -121,8 +122,9 @@ def test_an_absent_channel_is_as_if_the_sensor_did_not_have_it(kind, options, no
         assert np.allclose(partial.extras[name], value, rtol=1e-9, atol=1e-9, equal_nan=True), name
 
 
-@every_causal_way
-@pytest.mark.parametrize("noise", ["independent", "one switch", "switch by channel"])
+@pytest.mark.parametrize(
+    "kind, options, noise", taking_turns(CAUSAL_WAYS, ["independent", "one switch", "switch by channel"])
+)
 def test_an_absent_channel_changes_nothing_else(kind, options, noise):
     z = radar().z[:, :10].copy()
     z[1, 3] = np.nan  # a run that is missing altogether, in the epoch of the other's missing channel
@@ -136,8 +138,7 @@ def test_an_absent_channel_changes_nothing_else(kind, options, noise):
     assert not np.array_equal(before.mean[2, 3], after.mean[2, 3])
 
 
-@every_way
-@pytest.mark.parametrize("noise", NOISES)
+@pytest.mark.parametrize("kind, options, noise", taking_turns(WAYS, list(NOISES)))
 def test_same_bits_whatever_the_block(kind, options, noise):
     z = radar().z[:, :10].copy()
     z[0, 2, 0] = z[2, 2, 1:] = z[3, 5, 2] = z[1, 5] = np.nan
@@ -242,8 +243,7 @@ def test_the_mean_nis_is_the_number_of_channels_read(kind, options):
     assert np.array_equal(np.nan_to_num(history.nis), read[0] + read[1])
 
 
-@every_way
-@pytest.mark.parametrize("noise", ["gaussian", "one switch", "switch by channel"])
+@pytest.mark.parametrize("kind, options, noise", taking_turns(WAYS, ["gaussian", "one switch", "switch by channel"]))
 def test_same_bits_of_several_sensors_whatever_the_block(kind, options, noise):
     block, epochs = [0, 3, 17, 31], slice(4, 12)
     whole = two_sensors(kind, options, noise, block, epochs, block)

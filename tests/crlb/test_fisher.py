@@ -84,7 +84,13 @@ def test_three_channels_and_an_attitude_error_agree_with_brute_force(shared):
         np.testing.assert_allclose(mixture_information(weights, covariances), value, rtol=1e-6, atol=1e-9)
 
 
-@pytest.mark.parametrize("size, tolerance, shared", [(0.1, 1e-4, True), (0.1, 1e-4, False), (3.0, 1e-3, True)])
+@pytest.mark.parametrize(
+    "size, tolerance, shared",
+    [
+        (0.1, 1e-4, False),
+        *(pytest.param(*other, marks=pytest.mark.slow) for other in ((0.1, 1e-4, True), (3.0, 1e-3, True))),
+    ],
+)
 def test_what_lies_between_nodes_is_as_exact_as_promised(size, tolerance, shared):
     lines = [(azimuth, elevation) for azimuth in np.linspace(-3, 3, 12) for elevation in (-0.9, -0.3, 0.5)]
     A = np.stack([attitude(*line, size) for line in lines])

@@ -4,6 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from taking_turns import taking_turns
 
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.correlated_acceleration import CorrelatedAcceleration
@@ -44,9 +45,8 @@ def test_each_axis_has_its_own_density():
     assert np.allclose(Q, expected, rtol=1e-12, atol=0)
 
 
-@pytest.mark.parametrize("step_s", [0.1, 10.0, 120.0])
-@pytest.mark.parametrize("taus", [1e-4, 0.3, 1.9, 2.1, 30.0])
-def test_a_correlated_acceleration_is_van_loans(step_s, taus):
+@pytest.mark.parametrize("taus, step_s", taking_turns([(1e-4,), (0.3,), (1.9,), (2.1,), (30.0,)], [0.1, 10.0, 120.0]))
+def test_a_correlated_acceleration_is_van_loans(taus, step_s):
     """At both sides of the change from power series to closed form; entries in units of the noise's own sigmas."""
     for axis in range(3):
         tau_s, sigma = step_s / taus, 2e-6

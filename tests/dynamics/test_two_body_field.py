@@ -59,7 +59,9 @@ def integrated(field, chief, relative, times_s):
     )
 
 
-@pytest.mark.parametrize(("step_s", "degree", "order"), [(10.0, 20, 20), (60.0, 40, 30), (10.0, 4, 0)])
+@pytest.mark.parametrize(
+    ("step_s", "degree", "order"), [pytest.param(10.0, 20, 20, marks=pytest.mark.slow), (60.0, 40, 30), (10.0, 4, 0)]
+)
 def test_one_revolution(step_s, degree, order):
     field = GravityField.load("ggm05s", degree, order)
     times = np.array([0.0, 60.0, 600.0, 5640.0])
@@ -91,7 +93,9 @@ def test_about_given_states_of_the_chief():
     assert np.abs(nothing).max() == 0.0
 
 
-@pytest.mark.parametrize("step_s", [0.2, 10.0, 30.0, 60.0, 300.0])
+@pytest.mark.parametrize(
+    "step_s", [0.2, 30.0, 300.0, *(pytest.param(step_s, marks=pytest.mark.slow) for step_s in (10.0, 60.0))]
+)
 def test_the_rest_is_evaluated_often_enough(step_s, monkeypatch):
     """Against three times more often: 1e-14 of the separation is 1e-9 m at 100 km."""
     far = RELATIVE * 10

@@ -122,6 +122,7 @@ def failures(out):
     return {failure.filter: failure.reason for failure in found}
 
 
+@pytest.mark.slow
 def test_exceptions_and_divergence(with_plugin):
     here = with_plugin("exits", "raises", "unstartable", "diverges")
     code, _, stderr = here.run("run", "small.yaml", "--backend", "sequential")
@@ -140,7 +141,9 @@ def test_a_run_that_kills_its_worker_is_isolated(with_plugin, workers):
     here = with_plugin("kills")
     # Blocks of one run, as each time that one is cut costs a new worker; the long check cuts those of four.
     block = 4 if workers == "1" else 1
-    code, _, stderr = here.run("run", "small.yaml", "--workers", workers, "--set", f"block_runs={block}")
+    code, _, stderr = here.run(
+        "run", "small.yaml", "--workers", workers, "--set", f"block_runs={block}", "--set", "bound=false"
+    )
     assert code == 1, stderr
     assert "1 run of a filter failed" in stderr and "Traceback" not in stderr
     assert failures(here.out) == {

@@ -12,7 +12,7 @@ SEQUENTIAL = ("--backend", "sequential")
 
 @pytest.fixture
 def here(relnav, monkeypatch):
-    made = relnav()
+    made = relnav(("block_runs: 4", "block_runs: 4\nbound: false"))
     monkeypatch.chdir(made.folder)
     return made
 

@@ -95,7 +95,7 @@ def test_no_data_file_gets_the_number_of_a_closed_stream(relnav):
     [
         pytest.param("list filters | true", 0, marks=pytest.mark.slow),
         pytest.param("validate small.yaml --set statistics.convergence_hold_s=10 | true", 0, marks=pytest.mark.slow),
-        ("validate small.yaml --set runs=0 2>&1 | true", 2),
+        pytest.param("validate small.yaml --set runs=0 2>&1 | true", 2, marks=pytest.mark.slow),
         pytest.param("list noise >&-", 0, marks=pytest.mark.slow),
         pytest.param(f"list noise >{FULL}", 3, marks=needs_full_disk),
         pytest.param("schema | true", 0, marks=pytest.mark.slow),
@@ -188,7 +188,7 @@ main()
 """
 
 
-@pytest.mark.parametrize("writable", [True, False])
+@pytest.mark.parametrize("writable", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_an_unexpected_exception_is_one_line_and_a_file(relnav, tmp_path, writable):
     here = relnav()
     spare = tmp_path / "spare"

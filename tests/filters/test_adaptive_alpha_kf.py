@@ -68,6 +68,7 @@ def test_no_fixed_alpha_helps_under_glint(glint):
     assert max(fixed) < 3.5 * glint.oracle
 
 
+@pytest.mark.slow
 def test_windowed_nis_does_not_help_under_glint(glint):
     windowed = glint("adaptive_alpha_kf", scheme="windowed_nis")
     # It finds the total variance, 10.9 R, and is then what a fixed R of that size is, and a little worse.

@@ -46,7 +46,7 @@ def step_at(epoch, epochs, factor):
     return factors
 
 
-@pytest.mark.parametrize("channels", ["independent", "joint"])
+@pytest.mark.parametrize("channels", ["independent", pytest.param("joint", marks=pytest.mark.slow)])
 def test_follows_a_threefold_step_of_sigma(channels):
     _, z, mean0, P0 = track(50, 400, step_at(200, 400, 3.0))
     f = create_filter("adaptive_two_step", LinearDynamics(F, Q), measurement(), channels=channels)

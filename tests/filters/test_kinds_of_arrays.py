@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from every_filter import KINDS, small_options
+from taking_turns import taking_turns
 
 from relnav_sim import create_filter, run_filter
 from relnav_sim.filters.registry import filter_kinds
@@ -75,8 +76,9 @@ def plain(A):
     return A
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("arrays", [as_integers, as_float32, in_fortran_order, as_a_view])
+@pytest.mark.parametrize(
+    "kind, arrays", taking_turns([(kind,) for kind in KINDS], [as_integers, as_float32, in_fortran_order, as_a_view])
+)
 @pytest.mark.parametrize("linear", [True, False])
 def test_models_may_return_other_kinds_of_arrays(kind, arrays, linear):
     if filter_kinds()[kind].linear_only and not linear:

@@ -181,7 +181,7 @@ def test_evidence_is_unbiased(options):
     assert difference.mean() < -3 * difference.std() / np.sqrt(runs)
 
 
-@pytest.mark.parametrize("roughening", [0.0, 1.0])
+@pytest.mark.parametrize("roughening", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
 def test_mean_and_covariance_are_those_of_the_kalman_filter_within_monte_carlo_error(roughening):
     runs, particles = 200, 2000
     z = linear_track(runs, 20)
@@ -199,6 +199,7 @@ def test_mean_and_covariance_are_those_of_the_kalman_filter_within_monte_carlo_e
     assert abs(found.nis.mean() - exact.nis.mean()) < 0.03
 
 
+@pytest.mark.slow
 def test_matches_the_unscented_filter_in_orbit():
     """From a poor prior and with the small process noise of an orbit, which needs the kernel."""
     p = radar_problem(runs=12, steps=120)

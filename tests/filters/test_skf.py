@@ -46,7 +46,7 @@ def test_search_from_the_prior_goes_to_the_kalman_update(P, R):
     assert np.isclose(errors[1] / errors[0], 0.1, rtol=0.15)
 
 
-@pytest.mark.parametrize("z", [1.2, 3.0])
+@pytest.mark.parametrize("z", [pytest.param(1.2, marks=pytest.mark.slow), 3.0])
 def test_nonlinear_update_is_the_variational_optimum(z):
     R, m, P = 0.3, 1.0, 0.4
 

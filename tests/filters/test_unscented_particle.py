@@ -141,6 +141,7 @@ def test_beats_the_bootstrap_filter_at_equal_numbers_on_a_peaked_likelihood():
     assert ess["unscented_particle"] > 10 * ess["particle"]
 
 
+@pytest.mark.slow
 def test_evidence_is_unbiased():
     runs, r = 1000, 1e-2
     z = linear_track(runs, 12, r)

@@ -119,6 +119,7 @@ def test_a_changed_function_of_another_file_is_noticed(copy):
     assert copy.doubles() == (6.0, 0)
 
 
+@pytest.mark.slow
 def test_a_changed_kernel_of_another_package_is_noticed(copy):
     """Its source is no part of the folder's name."""
     module = copy.kernels.parents[1] / "others.py"
@@ -204,6 +205,7 @@ def test_without_a_folder_kernels_work_and_it_is_said_once(copy, before, folder,
     assert str(folder or copy.caches) in line
 
 
+@pytest.mark.slow
 def test_a_program_that_makes_errors_of_warnings_goes_on(copy):
     assert copy.run("-Werror", "-c", TWICE, RELNAV_CACHE_DIR="/dev/null/here") == (0, "6.0 12.0\n", "")
 

@@ -125,7 +125,9 @@ _OVER_TIME_AND_RUNS = (
 )
 
 
-@pytest.mark.parametrize("draw", _OVER_TIME_AND_RUNS)
+@pytest.mark.parametrize(
+    "draw", [pytest.param(draw, marks=pytest.mark.slow if n else ()) for n, draw in enumerate(_OVER_TIME_AND_RUNS)]
+)
 def test_every_kind_drawn_over_has_the_pixels_of_a_new_one(make_result: ResultMaker, draw: Any) -> None:
     """Filters of one size leave axes linear, those of very different sizes make them logarithmic, and lost ones say so.
 
@@ -199,13 +201,13 @@ def test_cases_stand_below_the_axis_by_number_and_name(results: Results, invent:
     assert panel.get_xlabel() == "case: a"
     assert [tick.get_text() for tick in panel.get_xticklabels()] == ["0: 1", "1: 2"]
     labels = [f"a={n}, b=1, c=long name {n}" for n in range(20)]
-    with open_results(invent(tmp_path, labels=labels, runs=1)) as many:
+    with open_results(invent(tmp_path, labels=labels, filters={"ekf": 1.0}, runs=1, times=3)) as many:
         panel = figures.accuracy_by_case(many).axes[0]
         assert panel.get_xlabel() == "case: a, c"
         ticks = panel.get_xticklabels()
         assert [tick.get_text() for tick in ticks] == [f"{n}: {n}, long name {n}" for n in range(0, 20, 2)]
         assert all(tick.get_rotation() == 90 for tick in ticks)
-    with open_results(invent(tmp_path, labels=["dusk", "noon"], runs=1)) as named:
+    with open_results(invent(tmp_path, labels=["dusk", "noon"], filters={"ekf": 1.0}, runs=1, times=3)) as named:
         panel = figures.accuracy_by_case(named).axes[0]
         assert panel.get_xlabel() == "case"
         assert [tick.get_text() for tick in panel.get_xticklabels()] == ["0: dusk", "1: noon"]

@@ -39,7 +39,9 @@ def test_the_attitude_is_in_the_innovations_of_every_sensor(
     radar: str, tracker: str, expected: tuple[str, ...], tmp_path: Path
 ) -> None:
     out = tmp_path / "mixtures.h5"
-    run_campaign(parse_campaign(CAMPAIGN.replace("RADAR", radar).replace("TRACKER", tracker)), out, workers=1)
+    run_campaign(
+        parse_campaign(CAMPAIGN.replace("RADAR", radar).replace("TRACKER", tracker)), out, backend="sequential"
+    )
     with open_results(out) as results:
         (facts,) = case_facts(results, 0).filters
     assert facts.mixture_sensors == expected

@@ -77,7 +77,7 @@ def recordings(draw):
     return Readings(sensors, draw(st.one_of(st.none(), st.just(start))), draw(st.integers(0, 10**9 - 1)))
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=75)
 @given(recordings())
 def test_what_is_written_is_read_to_the_bit(tmp_path_factory, recorded):
     path = tmp_path_factory.mktemp("csv") / "flight.csv"
@@ -139,7 +139,7 @@ FACTORS = {"radar.range_km": ("radar", 0, 1e3), "radar.azimuth_deg": ("radar", 1
 FACTORS |= {"gnss.position_x_m": ("gnss", 0, 1.0)}
 
 
-@settings(deadline=None, max_examples=400)
+@settings(deadline=None, max_examples=150)
 @given(st.data())
 def test_a_damaged_file_is_refused_or_says_what_its_cells_say(tmp_path_factory, data):
     text = WHOLE

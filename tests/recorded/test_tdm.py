@@ -235,7 +235,7 @@ def test_without_a_calendar(refused):
     assert "give it a truth.epoch" in refused(MESSAGE, epoch=None)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=150)
 @given(st.data())
 def test_a_damaged_message_is_refused_in_a_sentence(tmp_path_factory, data):
     text = MESSAGE

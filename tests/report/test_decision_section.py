@@ -22,7 +22,7 @@ from relnav_sim.report.sentences import plain
 from relnav_sim.results import open_results
 
 ResultMaker = Callable[..., Path]
-pytestmark = pytest.mark.usefixtures("unrendered")
+pytestmark = pytest.mark.usefixtures("undrawn", "unrendered")
 
 
 def _written(path: Path) -> tuple[str, str]:

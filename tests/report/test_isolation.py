@@ -44,7 +44,7 @@ def results(invent: ResultMaker, tmp_path_factory: pytest.TempPathFactory) -> It
         yield opened
 
 
-@pytest.mark.parametrize("kind", ["rms", "trajectory"])
+@pytest.mark.parametrize("kind", ["rms", pytest.param("trajectory", marks=pytest.mark.slow)])
 def test_settings_of_the_user_change_no_pixel_and_are_kept(results: Results, kind: str) -> None:
     plain = png(figure(results, kind))
     with matplotlib.rc_context(ODD):

@@ -52,7 +52,7 @@ def test_the_truth_is_the_same_in_every_run_where_nothing_is_drawn(
     truth: str, same: bool, perfect: bool, tmp_path: Path
 ) -> None:
     out = tmp_path / "truths.h5"
-    run_campaign(parse_campaign(CAMPAIGN.replace("TRUTH", truth)), out, workers=1)
+    run_campaign(parse_campaign(CAMPAIGN.replace("TRUTH", truth)), out, backend="sequential")
     with open_results(out) as results:
         flown = results.truth(0)
         assert (len(flown) == 1 or bool(np.ptp(flown, axis=0).max() < 1e-9)) == same

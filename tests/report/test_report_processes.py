@@ -87,6 +87,7 @@ def test_an_error_ends_them_and_is_told(processes):
         shared_out(divmod, [(1, 0)] * 4, processes)
 
 
+@pytest.mark.slow
 def test_a_process_that_needs_much_memory_is_not_replaced():
     pytest.importorskip("psutil", reason="without it Loky does not look at the memory")
     done = subprocess.run([sys.executable, "-c", GROWING], capture_output=True, text=True, timeout=120)

@@ -197,7 +197,7 @@ def test_converged_where_the_run_ends_within_the_hold_time(
     assert known.verdict == ("pass" if converged == 99 else "fail") and known.basis == "every epoch"
 
 
-@pytest.mark.usefixtures("unrendered")
+@pytest.mark.usefixtures("undrawn", "unrendered")
 def test_converged_where_no_run_is_longer_than_the_hold_time(make_result: ResultMaker) -> None:
     path = make_result(
         runs=20,
@@ -253,7 +253,7 @@ def test_words_and_table(make_result: ResultMaker) -> None:
     )
 
 
-@pytest.mark.usefixtures("unrendered")
+@pytest.mark.usefixtures("undrawn", "unrendered")
 @pytest.mark.parametrize(
     ("rule", "code"),
     [

@@ -220,13 +220,13 @@ def test_workers_change_nothing(make_result: ResultMaker, tmp_path: Path, monkey
     assert pages[0] == pages[1]
 
 
-@pytest.mark.usefixtures("unrendered")
+@pytest.mark.usefixtures("undrawn", "unrendered")
 def test_an_unfinished_campaign_is_reported(make_result: ResultMaker, tmp_path: Path) -> None:
     index = write_report(make_result(filters={"ekf": 1.0}, runs=4, planned=9), tmp_path / "out", formats=("html",))
     assert "The campaign is not finished: 5 runs" in index.read_text(encoding="utf-8")
 
 
-@pytest.mark.usefixtures("unrendered")
+@pytest.mark.usefixtures("undrawn", "unrendered")
 def test_filters_and_cases_without_runs_are_named(make_result: ResultMaker, tmp_path: Path) -> None:
     path = make_result(labels=("a=1", "a=2"), filters={"ekf": 1.0}, runs=3, waiting=["ukf"], computed_cases=1)
     index = write_report(path, tmp_path / "out")
@@ -240,7 +240,7 @@ def test_filters_and_cases_without_runs_are_named(make_result: ResultMaker, tmp_
     assert [row["position RMS [m]"] for row in rows[1:]] == ["no run yet"] * 3
 
 
-@pytest.mark.usefixtures("unrendered")
+@pytest.mark.usefixtures("undrawn", "unrendered")
 def test_the_folder_lies_beside_the_result_and_formats_choose(make_result: ResultMaker) -> None:
     path = make_result(filters={"ekf": 1.0}, runs=1)
     assert write_report(path, formats=("csv", "md")) == path.with_suffix("") / "report.md"

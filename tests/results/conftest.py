@@ -161,22 +161,22 @@ class WriteBlocks(Protocol):
     def __call__(self, folder: Path, blocks: Sequence[BlockResult]) -> list[Path]: ...
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_block() -> MakeBlock:
     return block
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_bound() -> MakeBound:
     return bound
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_header() -> MakeHeader:
     return header
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def write() -> WriteBlocks:
     return write_blocks
 

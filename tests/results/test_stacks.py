@@ -17,27 +17,28 @@ from relnav_sim.results.merge import merge_pieces
 from relnav_sim.results.pieces import result_pieces, shard_piece
 from relnav_sim.results.read import Results, open_results
 
-CASES = 7
+CASES = 5
 
 
-@pytest.fixture
-def shards(tmp_path, make_block, write):
+@pytest.fixture(scope="module")
+def shards(tmp_path_factory, make_block, write):
     """Shards of cases of which one lacks runs, one a filter, and one all."""
     blocks = [make_block(case, runs) for case in range(CASES - 2) for runs in ([0, 1, 2], [3, 4])]
     blocks += [make_block(CASES - 2, [1, 3]), make_block(CASES - 2, [0], ["ekf"])]
-    return write(tmp_path / "shards", blocks)
+    return write(tmp_path_factory.mktemp("cases") / "shards", blocks)
 
 
-@pytest.fixture
-def both(tmp_path, shards, make_header, make_bound, facts, monkeypatch):
+@pytest.fixture(scope="module")
+def both(shards, make_header, make_bound, facts):
     """The same shards as a file with a group for each case, and as one with stacks."""
-    bounds = [make_bound(case) for case in (0, 2, 5)]
+    bounds = [make_bound(case) for case in (0, 2, CASES - 2)]
     paths = []
     for name, most in (("apart", CASES), ("stacked", 1)):
-        monkeypatch.setattr(stacks, "STACKED_CASES", most)
         pieces = [shard_piece(path) for path in shards]
-        path = tmp_path / f"{name}.h5"
-        merge_pieces(pieces, make_header(cases=CASES), facts, path, complete=False, bounds=bounds)
+        path = shards[0].with_name(f"{name}.h5")
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(stacks, "STACKED_CASES", most)
+            merge_pieces(pieces, make_header(cases=CASES), facts, path, complete=False, bounds=bounds)
         paths.append(path)
     return paths
 
@@ -138,11 +139,13 @@ def test_xarray_opens_a_stack_unaided(both) -> None:
         assert tree["cases"].ds["label"].values.tolist() == list(results.cases)
 
 
-def test_a_stack_whose_cases_are_out_of_order_is_damaged(both: list[Path]) -> None:
-    with h5py.File(both[1], "r+") as file:
+def test_a_stack_whose_cases_are_out_of_order_is_damaged(both: list[Path], tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged.h5"
+    damaged.write_bytes(both[1].read_bytes())
+    with h5py.File(damaged, "r+") as file:
         file["stack_000/ekf/case"][0] = CASES
         del file.attrs["file_checksum"]
-    with open_results(both[1]) as results, pytest.raises(ResultsError, match="does not ascend"):
+    with open_results(damaged) as results, pytest.raises(ResultsError, match="does not ascend"):
         results.case_runs(0, "ekf")
 
 

@@ -110,8 +110,13 @@ def assert_same_file(a, b):
 
 
 @pytest.fixture(scope="module")
-def reference(tmp_path_factory):
-    return run_campaign(made(), tmp_path_factory.mktemp("everything") / "whole.h5", backend="sequential")
+def whole():
+    return made()
+
+
+@pytest.fixture(scope="module")
+def reference(whole, tmp_path_factory):
+    return run_campaign(whole, tmp_path_factory.mktemp("everything") / "whole.h5", backend="sequential")
 
 
 def test_everything_is_there(reference):
@@ -144,6 +149,7 @@ def test_a_campaign_that_grew_is_the_whole(tmp_path, reference):
     assert_same_file(reference, merge_results(tmp_path / "merged.h5", [out.with_name("grown.h5.shards")]))
 
 
+@pytest.mark.slow
 def test_one_run_at_full_rate_is_that_of_the_campaign(tmp_path, reference):
     path = run_single(made(), 1, 2, tmp_path / "one.h5", trace=True, backend="sequential")
     with open_results(path) as one, open_results(reference) as many:
@@ -191,10 +197,10 @@ def test_the_order_of_manoeuvres_does_not_show():
         ("stop={metric: r_rms_m, half_width: 1, at: [2]}", []),
     ],
 )
-def test_what_is_a_change(tmp_path, change, keys):
+def test_what_is_a_change(whole, tmp_path, change, keys):
     path = tmp_path / "everything.yaml"
     path.write_text(TEXT)
-    before, after = load_campaign(path), load_campaign(path, [change])
+    before, after = whole, load_campaign(path, [change])
     assert changed_keys(before.content, after.content) == keys
     assert (before.hash == after.hash) is not bool(keys)
     per_filter = bool(keys) and keys[0].startswith("filters.")

@@ -133,7 +133,7 @@ def test_runs_that_failed_differently_are_a_conflict(parts, tmp_path):
     ],
 )
 def test_other_campaigns_are_refused(parts, tmp_path, make_campaign, changes, words):
-    other = run_campaign(make_campaign(*changes), tmp_path / "other.h5", backend="sequential")
+    other = run_campaign(make_campaign(*changes, "bound=false"), tmp_path / "other.h5", backend="sequential")
     with pytest.raises(RefusedError, match=words):
         merge_results(tmp_path / "merged.h5", [parts[0], other])
 

@@ -31,8 +31,7 @@ def reference(computed, tmp_path):
     "workers, backend",
     [
         (2, "loky"),
-        (2, "sequential"),
-        *(pytest.param(workers, "loky", marks=pytest.mark.slow) for workers in (1, 4)),
+        *(pytest.param(*other, marks=pytest.mark.slow) for other in ((2, "sequential"), (1, "loky"), (4, "loky"))),
     ],
 )
 def test_workers_and_backend_do_not_show(campaign, tmp_path, reference, workers, backend):
@@ -40,7 +39,9 @@ def test_workers_and_backend_do_not_show(campaign, tmp_path, reference, workers,
     assert_same_bits(reference, out)
 
 
-@pytest.mark.parametrize("size", [1, 2, 5, 6])
+@pytest.mark.parametrize(
+    "size", [1, pytest.param(2, marks=pytest.mark.slow), 5, pytest.param(6, marks=pytest.mark.slow)]
+)
 def test_the_block_does_not_show(campaign, tmp_path, reference, size):
     out = run_campaign(campaign(f"block_runs={size}"), tmp_path / "out.h5", backend="sequential")
     assert_same_bits(reference, out)

@@ -29,7 +29,9 @@ def widest(out, runs, names=("kf", "ekf")):
 
 @pytest.fixture(scope="module")
 def all_runs(tmp_path_factory, make_campaign):
-    return run_campaign(make_campaign("runs=12"), tmp_path_factory.mktemp("all") / "all.h5", backend="sequential")
+    return run_campaign(
+        make_campaign("runs=12", "bound=false"), tmp_path_factory.mktemp("all") / "all.h5", backend="sequential"
+    )
 
 
 def test_half_width_is_students():
@@ -40,12 +42,12 @@ def test_half_width_is_students():
     assert half_width({0: 1.0}) == half_width({}) == np.inf
 
 
-@pytest.mark.parametrize("look", [4, 6, 9])
+@pytest.mark.parametrize("look", [pytest.param(4, marks=pytest.mark.slow), 6, pytest.param(9, marks=pytest.mark.slow)])
 def test_stops_at_the_first_look_that_meets_the_rule(campaign, tmp_path, all_runs, look):
     limit = widest(all_runs, look) * 1.0001
     expected = next(n for n in (4, 6, 9, 12) if widest(all_runs, n) <= limit)
     said = []
-    parsed = campaign("runs=12", RULE.format(limit))
+    parsed = campaign("runs=12", "bound=false", RULE.format(limit))
     out = run_campaign(parsed, tmp_path / "a.h5", backend="sequential", say=said.append)
     with open_results(out) as results:
         assert results.planned_runs == expected and results.missing() == {}
@@ -59,13 +61,13 @@ def test_stops_at_the_first_look_that_meets_the_rule(campaign, tmp_path, all_run
 @pytest.mark.parametrize("look", [pytest.param(4, marks=pytest.mark.slow), 6, pytest.param(9, marks=pytest.mark.slow)])
 @pytest.mark.slow
 def test_workers_stop_where_one_process_does(campaign, tmp_path, all_runs, look):
-    parsed = campaign("runs=12", RULE.format(widest(all_runs, look) * 1.0001))
+    parsed = campaign("runs=12", "bound=false", RULE.format(widest(all_runs, look) * 1.0001))
     alone = run_campaign(parsed, tmp_path / "a.h5", backend="sequential")
     assert_same_bits(alone, run_campaign(parsed, tmp_path / "b.h5", workers=2))
 
 
 def test_goes_on_to_all_runs_where_the_rule_is_never_met(campaign, tmp_path, all_runs):
-    out = run_campaign(campaign("runs=12", RULE.format(1e-6)), tmp_path / "a.h5", backend="sequential")
+    out = run_campaign(campaign("runs=12", "bound=false", RULE.format(1e-6)), tmp_path / "a.h5", backend="sequential")
     assert_same_bits(out, all_runs)
     with open_results(out) as results:
         assert (results.stopping["reached"], results.stopping["met"]) == (12, False)
@@ -73,12 +75,12 @@ def test_goes_on_to_all_runs_where_the_rule_is_never_met(campaign, tmp_path, all
 
 def test_the_rule_may_change_and_more_runs_on_disk_do_not_show(campaign, tmp_path):
     out = tmp_path / "a.h5"
-    run_campaign(campaign("runs=12"), out, backend="sequential")
-    run_campaign(campaign("runs=12", RULE.format(1e6)), out, backend="sequential")
+    run_campaign(campaign("runs=12", "bound=false"), out, backend="sequential")
+    run_campaign(campaign("runs=12", "bound=false", RULE.format(1e6)), out, backend="sequential")
     with open_results(out) as results:
         assert results.runs == (0, 1, 2, 3)
     said = []
-    run_campaign(campaign("runs=12"), out, backend="sequential", say=said.append)
+    run_campaign(campaign("runs=12", "bound=false"), out, backend="sequential", say=said.append)
     assert "every run was finished already" in said
     with open_results(out) as results:
         assert len(results.runs) == 12 and results.stopping == {}
@@ -88,7 +90,7 @@ def test_one_filter_only(campaign, tmp_path, all_runs):
     limit = widest(all_runs, 6, ["ekf"]) * 1.0001
     expected = next(n for n in (4, 6, 9, 12) if widest(all_runs, n, ["ekf"]) <= limit)
     rule = f"stop={{metric: r_rms_m, filter: ekf, half_width: {limit}, at: [4, 6, 9]}}"
-    out = run_campaign(campaign("runs=12", rule), tmp_path / "a.h5", backend="sequential")
+    out = run_campaign(campaign("runs=12", "bound=false", rule), tmp_path / "a.h5", backend="sequential")
     with open_results(out) as results:
         assert results.stopping["reached"] == expected
 

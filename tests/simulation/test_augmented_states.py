@@ -98,7 +98,7 @@ def test_a_bias_is_found_or_accounted_for(tmp_path, kind):
     np.testing.assert_allclose(considered.sigma, np.radians(0.5), rtol=1e-6)
 
 
-@pytest.mark.parametrize("carrier", ["both", "deputy"])
+@pytest.mark.parametrize("carrier", [pytest.param("both", marks=pytest.mark.slow), "deputy"])
 def test_an_accelerometer_s_bias_is_found(tmp_path, carrier):
     """Each run has its own bias, which a filter adds up unless it estimates or considers it."""
     extras = {

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from coverage_tables import coverage_of_a_ratio
+from taking_turns import taking_turns
 
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
 from relnav_sim.statistics.intervals import mean_interval
@@ -44,8 +45,7 @@ def test_errors_that_grow_beyond_all_numbers() -> None:
     assert found.estimate == np.inf and np.isnan(found.low)
 
 
-@pytest.mark.parametrize("epochs", [1, 5, 50])
-@pytest.mark.parametrize("runs", [10, 20, 100])
+@pytest.mark.parametrize(("runs", "epochs"), taking_turns([(10,), (20,), (100,)], [1, 5, 50]))
 def test_the_interval_holds_a_known_ratio(runs: int, epochs: int) -> None:
     """1000 campaigns: within 2 points of 95 %, and three sigma of the binomial law."""
     share, mean = coverage_of_a_ratio(epochs, runs, 1000)

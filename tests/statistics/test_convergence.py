@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from taking_turns import taking_turns
 
 from relnav_sim.results import layout
 from relnav_sim.statistics.convergence import Convergence
@@ -14,8 +15,9 @@ def _search(r: np.ndarray, threshold: float, hold: int) -> float:
     return np.nan
 
 
-@pytest.mark.parametrize("hold", [0, 1, 5, 40, 199, 200, 500])
-@pytest.mark.parametrize("chunk", [1, 7, 64, 200])
+@pytest.mark.parametrize(
+    ("hold", "chunk"), taking_turns([(hold,) for hold in (0, 1, 5, 40, 199, 200, 500)], [1, 7, 64, 200])
+)
 def test_against_a_search(hold: int, chunk: int) -> None:
     rng = np.random.default_rng(hold)
     r = np.exp(rng.standard_normal((30, 200)) * 0.5 + np.linspace(4, rng.uniform(-3, 4, 30), 200).T)

@@ -52,6 +52,7 @@ def test_claims_without_numbers_follow_their_rules() -> None:
     assert not holds_besides(_outcomes(formal_sigma_after_100_s_over_the_first=0.51), BEST_ALPHAS)["A12"].any()
 
 
+@pytest.mark.slow
 def test_printed_errors_lie_among_single_runs_of_the_setting_that_made_them() -> None:
     """A9 from a run of the setting itself, and not from twice its errors, which the scatter of a run can't give."""
     paper = AlphaKf()

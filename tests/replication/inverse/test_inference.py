@@ -38,6 +38,7 @@ def test_intervals_contain_known_settings_and_are_as_narrow_as_can_be(linear: An
     assert low[0] < 0.53 < high[0]  # three numbers of 0.5 and one of 0.7
 
 
+@pytest.mark.slow
 def test_a_forged_column_is_inconsistent_and_honest_ones_are_not(linear: Any, flown: tuple[Array, Array]) -> None:
     u, numbers = flown
     test = ForgeryTest.learned(linear.numbers, numbers[:450], numbers[450:600], numbers[600:1200], SEED)

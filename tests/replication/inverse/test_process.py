@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from taking_turns import taking_turns
 
 from relnav_sim import LinearDynamics, Step, fit_gp_dynamics
 from relnav_sim.arrays import Array
@@ -20,8 +21,7 @@ def _pairs() -> tuple[Array, Array, LinearDynamics]:
     return states[now] + noise[0], states[now + 1] + noise[1], LinearDynamics(F, 1e-12 * np.eye(6))
 
 
-@pytest.mark.parametrize("target", ["residual", "absolute"])
-@pytest.mark.parametrize("standardised", [True, False])
+@pytest.mark.parametrize(("target", "standardised"), taking_turns([("residual",), ("absolute",)], [True, False]))
 def test_what_is_learned_is_what_relnav_learns(target: str, standardised: bool) -> None:
     now, after, motion = _pairs()
     ours = learned(now, after, target, motion, False, standardised, True)
