@@ -124,6 +124,16 @@ def is_kept(name: str) -> bool:
     return False
 
 
+def is_being_compiled(name: str) -> bool:
+    """Return whether another process is compiling a kernel."""
+    with suppress(OSError, RuntimeError), open(_lock(name), "rb") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
 def read_code(name: str) -> bytes | None:
     """Return what is kept of a kernel; None where there is nothing, or nothing whole."""
     try:
@@ -166,7 +176,7 @@ def alone(name: str) -> Iterator[None]:
     try:
         _make_folder()
         os.utime(code_folder())  # for who waits outside: something is at work here
-        lock = open(code_folder() / f"{name}.lock", "ab")  # noqa: SIM115  # closed below
+        lock = open(_lock(name), "ab")  # noqa: SIM115  # closed below
     except (OSError, RuntimeError):
         yield
         return
@@ -275,6 +285,10 @@ def not_kept(reason: str) -> str:
 
 def _file(name: str) -> Path:
     return code_folder() / f"{name}.code"
+
+
+def _lock(name: str) -> Path:
+    return code_folder() / f"{name}.lock"
 
 
 def _reason(error: OSError | RuntimeError) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 
 from relnav_sim.kernels import CompilerError
 from relnav_sim.kernels.code_folder import alone, is_kept, keep_code, name_of_code, read_code, warn_not_kept
-from relnav_sim.kernels.compiling import PARTS, Instruction, Kind, in_terms_of
+from relnav_sim.kernels.compiling import PARTS, Instruction, Kind, in_terms_of, names_in
 
 
 def _numba() -> ModuleType:
@@ -125,11 +125,10 @@ def owns_arrays(function: Callable[..., Any]) -> bool:
     numba counts who refers to an array, with an instruction that locks memory, for each array of each call. That is
     necessary in these parts only: what others are given their callers keep.
     """
-    names: dict[str, Any] = {name: function.__globals__.get(name) for name in function.__code__.co_names}
-    called: list[Callable[..., Any]] = [
-        value for value in names.values() if isinstance(value, FunctionType) and value in PARTS
-    ]
-    return not _MAKERS.isdisjoint(names) or any(_returns_arrays(each) for each in [function, *called])
+    called = [value for value in names_in(function).values() if isinstance(value, FunctionType) and value in PARTS]
+    return not _MAKERS.isdisjoint(function.__code__.co_names) or any(
+        _returns_arrays(each) for each in [function, *called]
+    )
 
 
 _MAKERS = {"empty", "zeros", "full"}

@@ -211,6 +211,12 @@ def in_terms_of(function: Callable[..., Any], seen: _Seen) -> FunctionType:
     return copy
 
 
+def names_in(function: Callable[..., Any]) -> dict[str, Any]:
+    """Return what the global names that a function of kernels uses stand for, where they are known."""
+    names = {**function.__globals__, **_STAND_FOR.get(function, {})}
+    return {name: names[name] for name in function.__code__.co_names if name in names}
+
+
 def compile_kernel(name: str) -> float:
     """Compile a kernel, given as `theme.function`, without calling it; return the seconds of processor time it took."""
     theme, _, function = name.partition(".")

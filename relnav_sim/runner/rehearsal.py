@@ -4,8 +4,8 @@ Nothing comes of that process but compiled code. Whatever goes wrong in it goes 
 kernel that it does not come by is compiled by the worker that needs it. A file in the folder of compiled code says of
 each shape of a case, which is the case without its numbers, that this has been done.
 
-Where there is a second processor, another process halves the time: it runs fewer epochs with kernels as plain Python,
-which tells in a second or two which ones are called, and compiles them from the last to the first.
+Where there is a second processor, another process halves the time. Both first run fewer epochs with kernels as plain
+Python, which tells in a second which ones are called, and share these out.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import wait
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,7 @@ from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.kernels.code_folder import (
     code_folder,
     hush,
+    is_being_compiled,
     is_kept,
     kernel_names,
     not_kept,
@@ -35,6 +37,7 @@ from relnav_sim.kernels.code_folder import (
     tell,
 )
 from relnav_sim.kernels.compiling import compile_kernel, interpreted
+from relnav_sim.kernels.shares import shares
 from relnav_sim.runner.bound_task import BoundTask, Task
 from relnav_sim.runner.work import with_filters
 from relnav_sim.runner.worker import Worker
@@ -101,11 +104,11 @@ def _rehearsed(tasks: Sequence[Task], say: Callable[[str], None]) -> bool:
     last, seen, told = before, _changed(), False
     helper = None
     try:
-        ended = worker.call(rehearse, tasks)
         if cpu_count() > 1:
             with suppress(OSError, RuntimeError, MemoryError):
                 helper = Worker()
-                helper.call(compile_ahead, tasks)
+                helper.call(partial(compile_ahead, place=1), tasks)
+        ended = worker.call(partial(rehearse, is_helped=helper is not None), tasks)
         while not ended.done() and not worker.is_lost and time.monotonic() - last < LONGEST_SILENCE_S:
             wait([ended], LOOKED_AT_EVERY_S)
             if _changed() != seen:
@@ -168,10 +171,14 @@ def _blank(content: Any) -> Any:
     return content
 
 
-def rehearse(tasks: Sequence[Task]) -> str | None:
+def rehearse(tasks: Sequence[Task], is_helped: bool) -> str | None:
     """Run the first epochs of tasks for what is compiled by it; return why that could not be kept, None where it was.
 
     To be called in a process of its own, of which nobody hears.
+
+    Args:
+        tasks: What is to be computed.
+        is_helped: Whether another process compiles ahead, as this one then does too.
     """
     from threadpoolctl import threadpool_limits
 
@@ -179,6 +186,9 @@ def rehearse(tasks: Sequence[Task]) -> str | None:
     from relnav_sim.simulation.learned import Learned
 
     _be_silent()
+    if is_helped:
+        with suppress(Exception):
+            compile_ahead(tasks, place=0)
     learned, idle_s = Learned(), 0.0
     with threadpool_limits(1):
         for task in tasks:
@@ -191,10 +201,12 @@ def rehearse(tasks: Sequence[Task]) -> str | None:
     return folder.trouble()
 
 
-def compile_ahead(tasks: Sequence[Task]) -> None:
-    """Compile what tasks need, as far as a few epochs in plain Python tell, from the last kernel to the first.
+def compile_ahead(tasks: Sequence[Task], place: int) -> None:
+    """Compile what tasks need, as far as a few epochs in plain Python tell, beside another process that does so.
 
-    To be called in a process of its own, beside one that rehearses the same tasks from the first kernel on.
+    Args:
+        tasks: What is to be computed.
+        place: Which of the two processes this is, 0 or 1; it compiles its own share, then what is left of the other's.
     """
     from relnav_sim.simulation.learned import Learned
 
@@ -205,8 +217,9 @@ def compile_ahead(tasks: Sequence[Task]) -> None:
             soon = isinstance(task, BoundTask) or _cost_us(task.case) < PREVIEW_COST_US
             if soon and time.process_time() - before < PREVIEW_S:
                 _run(task, PREVIEW_EPOCHS, RUNS[:1], learned)
-    for name in reversed(called):
-        if not is_kept(name):
+    both = shares(list(called))
+    for name in [*both[place], *reversed(both[1 - place])]:
+        if not is_kept(name) and not is_being_compiled(name):
             compile_kernel(name)
 
 
