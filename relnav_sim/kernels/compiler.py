@@ -239,12 +239,14 @@ class _Kernel(_OptimisedOnce):
     time it takes to optimise it.
     """
 
+    has_long_loops = False
+
     def _optimize_final_module(self) -> None:
         """Optimise all that has come together."""
         bindings = numba.core.codegen.ll
         tuning = bindings.create_pipeline_tuning_options(int(numba.config.OPT))
         tuning.loop_vectorization = True
-        tuning.loop_unrolling = tuning.loop_interleaving = False
+        tuning.loop_unrolling = tuning.loop_interleaving = self.has_long_loops
         builder = bindings.create_pass_builder(self._codegen._tm, tuning)
         passes = builder.getModulePassManager()
         passes.add_refprune_pass()
@@ -252,10 +254,12 @@ class _Kernel(_OptimisedOnce):
 
 
 class _WideKernel(_Kernel):
-    """The code of a kernel that is optimised for registers of 512 bits where the processor has them.
+    """The code of a kernel of long loops, optimised for registers of 512 bits where the processor has them.
 
     LLVM takes those of 256 by itself, for processors that once ran slower with the wider ones.
     """
+
+    has_long_loops = True
 
     def _optimize_final_module(self) -> None:
         """Tell LLVM of another machine for as long as it chooses the width."""
