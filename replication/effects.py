@@ -165,12 +165,14 @@ def _margin(values: list[Array], part: Part, level: float) -> Interval:
     """Return by how much, in percent, the best of the inner filters is below the best of the outer ones.
 
     The interval is the lowest of those against each outer filter: all of them must be beaten. It is Fieller's, as the
-    best of them may have next to nothing; a margin to one with nothing at all is not known.
+    best of them may have next to nothing. A margin to one with nothing at all is not known, which counts unless another
+    one without a lower end is surely below some size.
     """
     inside, outside = values[: len(part.of)], values[len(part.of) :]
     best = min(inside, key=lambda item: float(np.nanmean(item)))
     margins = [percent_below(fiellers_ratio(best, item, level)) for item in outside]
-    return min(margins, key=lambda margin: -math.inf if math.isnan(margin.low) else margin.low)
+    unknown = (-math.inf, math.inf)
+    return min(margins, key=lambda margin: unknown if math.isnan(margin.low) else (margin.low, margin.high))
 
 
 def _distance(values: list[Array], part: Part, level: float) -> Interval:

@@ -19,7 +19,8 @@ _MOST: Mapping[str, tuple[float, str]] = {
 }
 """The most that is asked no question, far beyond what spacecraft meet, by the end of a key: the longest that fits."""
 _WITHOUT_END = ("tau_s", "windows_s", "until_s", "range_limits_m")
-"""Keys that a huge number may be meant for, as infinity is not taken: a bias, to the end of the run, no limit."""
+"""Keys of which the number, or the last of several, may be meant to be huge, as infinity is not taken: a bias, to the
+end of the run, no limit."""
 
 
 def implausible_values(content: Mapping[str, Any]) -> list[str]:
@@ -46,16 +47,18 @@ def _numbers(path: tuple[str, ...], value: Any) -> Iterator[tuple[tuple[str, ...
         for key, part in value.items():
             yield from _numbers((*path, str(key)), part)
     elif isinstance(value, Sequence) and not isinstance(value, str):
-        for part in value:
-            yield from _numbers(path, part)
-    elif isinstance(value, int | float) and not isinstance(value, bool):
+        numbers = all(isinstance(part, int | float) for part in value)
+        for part in value[:-1] if numbers and _is_without_end(path) else value:
+            yield from _numbers(path, part) if not numbers else [(path, float(part))]
+    elif isinstance(value, int | float) and not isinstance(value, bool) and not _is_without_end(path):
         yield path, float(value)
 
 
+def _is_without_end(path: Sequence[str]) -> bool:
+    return path[-1].rpartition(".")[2] in _WITHOUT_END
+
+
 def _most(path: Sequence[str]) -> tuple[float, str]:
-    name = path[-1].rpartition(".")[2]
-    if name in _WITHOUT_END:
-        return math.inf, ""
-    words = name.split("_")
+    words = path[-1].rpartition(".")[2].split("_")
     ends = ("_".join(words[place:]) for place in range(1, len(words)))
     return next((_MOST[end] for end in ends if end in _MOST), (math.inf, ""))

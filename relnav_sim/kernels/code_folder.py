@@ -126,7 +126,7 @@ def is_kept(name: str) -> bool:
 
 def is_being_compiled(name: str) -> bool:
     """Return whether another process is compiling a kernel."""
-    with suppress(OSError, RuntimeError), open(_lock(name), "rb") as lock:
+    with suppress(OSError, RuntimeError), open(_lock(name), "r+b") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

@@ -78,9 +78,11 @@ def _no_search_for_garbage() -> Iterator[None]:
 
 @contextmanager
 def _no_type_asked_twice() -> Iterator[None]:
-    """Spare a tenth of the time of compiling: numba tries all forms of an operator anew wherever one is used."""
+    """Spare a tenth of the time of compiling: numba tries all forms of an operator anew wherever one is used.
+
+    For as long as this lasts other threads of the program that compile wait, as they do for numba itself.
+    """
     functions = numba.core.types.functions.BaseFunction
-    asked = functions.get_call_type
 
     def remembered(function: Any, context: Any, values: Any, by_name: Any) -> Any:
         key = function, tuple(values), tuple(by_name.items())
@@ -88,12 +90,14 @@ def _no_type_asked_twice() -> Iterator[None]:
             _SIGNATURES[key] = asked(function, context, values, by_name)
         return _SIGNATURES[key]
 
-    if numba.version_info.short <= LATEST_KNOWN:
-        functions.get_call_type = remembered
-    try:
-        yield
-    finally:
-        functions.get_call_type = asked
+    with numba.core.compiler_lock.global_compiler_lock:
+        asked = functions.get_call_type
+        if numba.version_info.short <= LATEST_KNOWN:
+            functions.get_call_type = remembered
+        try:
+            yield
+        finally:
+            functions.get_call_type = asked
 
 
 _SIGNATURES: dict[tuple[Any, ...], Any] = {}
@@ -125,7 +129,9 @@ def owns_arrays(function: Callable[..., Any]) -> bool:
     numba counts who refers to an array, with an instruction that locks memory, for each array of each call. That is
     necessary in these parts only: what others are given their callers keep.
     """
-    called = [value for value in names_in(function).values() if isinstance(value, FunctionType) and value in PARTS]
+    called: list[Callable[..., Any]] = [
+        value for value in names_in(function).values() if isinstance(value, FunctionType) and value in PARTS
+    ]
     return not _MAKERS.isdisjoint(function.__code__.co_names) or any(
         _returns_arrays(each) for each in [function, *called]
     )

@@ -116,7 +116,7 @@ def errors_over_sigma(item: Candidate) -> str:
 
 
 def largest_error(item: Candidate) -> Interval:
-    """Return a filter's errors in units of its formal sigma, of the part of the state where they are largest."""
+    """Return a filter's errors in units of its formal sigma, of the part of the state that speaks most against it."""
     return item.error_over_sigma(item.most_overconfident)
 
 

@@ -11,10 +11,10 @@ from relnav_sim.campaign.models import MATTERS_PERCENT
 from relnav_sim.campaign.requirements import DivergedRequirement, FailedRequirement
 from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.run_figures import Span, span_index
-from relnav_sim.report.consistency import consistency_verdict
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.results import layout
 from relnav_sim.results.settings import case_setting
+from relnav_sim.statistics.consistency_verdict import overconfident_parts
 from relnav_sim.statistics.decision import Candidate, CaseEvidence, Decision, decide, refusals_of
 from relnav_sim.statistics.equivalence import Difference
 from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, mean_interval
@@ -91,9 +91,9 @@ def _candidate(ranking: Ranking, item: FilterFacts, of_all: Sequence[Judgement])
 
 def _consistency(item: FilterFacts, span: Span) -> dict[str, Any]:
     """Return the errors of each part of the state in units of the formal sigma, and which are surely too large."""
-    found, anees = consistency_verdict(item, span), item.per_run("anees", span_index(span))
+    anees = item.per_run("anees", span_index(span))
     errors = {name: _root(mean_interval(of)) for name, of in zip(layout.BLOCKS, anees.T, strict=True)}
-    return {"errors_over_sigma": errors, "overconfident": () if found is None else found.overconfident}
+    return {"errors_over_sigma": errors, "overconfident": overconfident_parts(anees)}
 
 
 def _root(one: Interval) -> Interval:

@@ -217,10 +217,13 @@ def compile_ahead(tasks: Sequence[Task], place: int) -> None:
             soon = isinstance(task, BoundTask) or _cost_us(task.case) < PREVIEW_COST_US
             if soon and time.process_time() - before < PREVIEW_S:
                 _run(task, PREVIEW_EPOCHS, RUNS[:1], learned)
-    both = shares(list(called))
-    for name in [*both[place], *reversed(both[1 - place])]:
-        if not is_kept(name) and not is_being_compiled(name):
-            compile_kernel(name)
+    both = shares([name for name in called if name in kernel_names()])  # one of another package is left to its user
+    names = [*both[place], *reversed(both[1 - place])]
+    for is_at_it in (is_being_compiled, lambda name: False):  # at last wait for what the other one has begun
+        for name in names:
+            if not is_kept(name) and not is_at_it(name):
+                with suppress(Exception):
+                    compile_kernel(name)
 
 
 def _be_silent() -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -39,7 +39,6 @@ class Consistency:
         factor: Actual error of that part in units of its formal sigma, root of the ANEES.
         low: Lower end of its interval at the level 1 - 0.05 / 3; NaN where there is none, of one run.
         high: Upper end.
-        overconfident: The parts that are off above, of `layout.BLOCKS`.
     """
 
     verdict: ConsistencyVerdict
@@ -47,7 +46,6 @@ class Consistency:
     factor: float
     low: float
     high: float
-    overconfident: tuple[str, ...] = ()
 
 
 def consistency_of(anees: Array) -> Consistency | None:
@@ -74,17 +72,12 @@ def consistency_of(anees: Array) -> Consistency | None:
     parts = [mean_interval(values) for values in anees.T]
     if not all(math.isfinite(part.estimate) and part.estimate > 0 for part in parts):
         return None
-    level = 1 - _CHANCE_OF_ERROR / len(parts)
-    wider = [mean_interval(values, level) for values in anees.T]
-    off = [_is_off(part) for part in wider]
+    wider = _wider(anees)
     factors = {name: math.sqrt(part.estimate) for name, part in zip(layout.BLOCKS, parts, strict=True)}
-    above = {name: factor for (name, factor), is_off in zip(factors.items(), off, strict=True) if is_off and factor > 1}
-    below = {
-        name: 1 / factor for (name, factor), is_off in zip(factors.items(), off, strict=True) if is_off and factor < 1
-    }
+    above = {name: factors[name] for name in overconfident_parts(anees)}
+    below = {name: 1 / factors[name] for name, part in zip(layout.BLOCKS, wider, strict=True) if _is_off_below(part)}
     if above:
-        found = _resting_on("overconfident", layout.BLOCKS.index(farthest(above)), wider)
-        return replace(found, overconfident=tuple(above))
+        return _resting_on("overconfident", layout.BLOCKS.index(farthest(above)), wider)
     if below and all(part.high <= _HIGHEST for part in parts):
         return _resting_on("conservative", layout.BLOCKS.index(farthest(below)), wider)
     unknown = [place for place, part in enumerate(parts) if not _is_known(part)]
@@ -92,6 +85,15 @@ def consistency_of(anees: Array) -> Consistency | None:
         widest = max(unknown, key=lambda place: wider[place].high - wider[place].low)
         return _resting_on("may be consistent", widest, wider)
     return _resting_on("consistent", 0, wider)
+
+
+def overconfident_parts(anees: Array) -> tuple[str, ...]:
+    """Return the parts of the state that are off above, of `layout.BLOCKS`, each judged by itself.
+
+    Args:
+        anees: Of each run, (runs, 3); NaN: the run has none.
+    """
+    return tuple(name for name, part in zip(layout.BLOCKS, _wider(anees), strict=True) if _is_off_above(part))
 
 
 def farthest(factors: Mapping[str, float]) -> str:
@@ -102,6 +104,11 @@ def farthest(factors: Mapping[str, float]) -> str:
     """
     whole, part = layout.BLOCKS[0], max(factors, key=lambda name: factors[name])
     return whole if whole in factors and factors[part] <= (1 + SIGMA_MARGIN) * factors[whole] else part
+
+
+def _wider(anees: Array) -> list[Interval]:
+    """Return the intervals of the parts that hold together."""
+    return [mean_interval(values, 1 - _CHANCE_OF_ERROR / len(layout.BLOCKS)) for values in anees.T]
 
 
 def _resting_on(verdict: ConsistencyVerdict, place: int, parts: list[Interval]) -> Consistency:
@@ -115,11 +122,15 @@ def _is_near(part: Interval) -> bool:
     return abs(math.sqrt(part.estimate) - 1) <= SIGMA_MARGIN
 
 
-def _is_off(part: Interval) -> bool:
-    """Return whether 1 lies outside; an interval without ends, of one run, does not tell."""
-    return (part.low > 1 or part.high < 1) and not _is_near(part)
+def _is_off_above(part: Interval) -> bool:
+    """Return whether all of it is above 1; an interval without ends, of one run, does not tell."""
+    return part.low > 1 and not _is_near(part)
+
+
+def _is_off_below(part: Interval) -> bool:
+    return part.high < 1 and not _is_near(part)
 
 
 def _is_known(part: Interval) -> bool:
     within = part.low >= (1 - SIGMA_KNOWN) ** 2 and part.high <= _HIGHEST
-    return within and not _is_off(part)
+    return within and not _is_off_above(part) and not _is_off_below(part)

@@ -56,7 +56,7 @@ class Candidate:
         diverged: How many diverged without failing.
         errors_over_sigma: Root of the ANEES, the errors in units of the formal sigma, of each part of the state, by the
             names of `layout.BLOCKS`; NaN where it is not known.
-        overconfident: The parts whose covariance is surely too small, by however little (`consistency_of`).
+        overconfident: The parts whose covariance is surely too small, by however little (`overconfident_parts`).
         verdicts: On each requirement that is about the filter, by name.
         not_asked: Requirements that are about other filters only: as undecided as one that no run has judged.
         limited: The losses that a requirement limits, ``failed`` and ``diverged``: then its verdict says enough.

@@ -118,12 +118,14 @@ from relnav_sim.runner import rehearsal
 from relnav_sim.runner.work import Block
 campaign = load_campaign(sys.argv[1])
 named = []
-rehearsal._be_silent, rehearsal.is_kept, rehearsal.compile_kernel = lambda: None, lambda name: False, named.append
+rehearsal._be_silent, rehearsal.is_kept, rehearsal.compile_kernel = lambda: None, named.__contains__, named.append
 tasks = [Block(campaign.seed, n, case, (0, 1), Path()) for n, case in enumerate(campaign.cases)]
 for place in (0, 1):
     rehearsal.compile_ahead(tasks, place)
     print(*named, "numba" in sys.modules)
+    first, second = rehearsal.shares(sorted(named))
     named.clear()
+print(*first, "/", *second)
 """
 
 
@@ -132,9 +134,35 @@ def test_two_processes_name_the_same_kernels_from_either_end_without_a_compiler(
     done = subprocess.run(
         [sys.executable, "-c", PREVIEW, str(tmp_path / "small.yaml")], capture_output=True, text=True, check=True
     )
-    (*one, compiler), (*other, still) = (line.split() for line in done.stdout.splitlines())
+    *two, halves = done.stdout.splitlines()
+    (*one, compiler), (*other, still) = (line.split() for line in two)
     assert compiler == still == "False"
     assert len(one) == len(set(one)) and {"statistics.normalised_errors", "epochs.filtered", "orbits.fly"} <= set(one)
     assert set(one) == set(other) <= set(folder.kernel_names())
     # Each begins with its share and goes on with the other's, from its end.
-    assert any(one[place:] == other[: len(one) - place][::-1] for place in range(1, len(one)))
+    first, second = (half.split() for half in halves.split("/"))
+    assert one == [*first, *reversed(second)] and other == [*second, *reversed(first)]
+
+
+def test_a_kernel_that_fails_or_is_of_another_package_keeps_no_other_from_being_compiled(tmp_path, monkeypatch):
+    tried, kept = [], set()
+
+    def preview(task, epochs, runs, learned):
+        from relnav_sim.kernels import compiling
+
+        compiling._called.update(dict.fromkeys(["elsewhere.kernel", "maps.linear", "angles.difference"]))
+
+    def compile_kernel(name):
+        tried.append(name)
+        if name == "maps.linear":
+            raise RuntimeError("no such luck")
+        kept.add(name)
+
+    monkeypatch.setattr(rehearsal, "_be_silent", lambda: None)
+    monkeypatch.setattr(rehearsal, "_run", preview)
+    monkeypatch.setattr(rehearsal, "is_kept", kept.__contains__)
+    monkeypatch.setattr(rehearsal, "compile_kernel", compile_kernel)
+    monkeypatch.setattr(rehearsal, "is_being_compiled", lambda name: False)
+    case = campaign(tmp_path).cases[0]
+    rehearsal.compile_ahead([Block(1, 0, case, (0,), Path())], 0)
+    assert set(tried) == {"maps.linear", "angles.difference"} and kept == {"angles.difference"}
