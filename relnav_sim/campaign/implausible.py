@@ -18,9 +18,10 @@ _MOST: Mapping[str, tuple[float, str]] = {
     "s": (1e9, "s"),
 }
 """The most that is asked no question, far beyond what spacecraft meet, by the end of a key: the longest that fits."""
-_WITHOUT_END = ("tau_s", "windows_s", "until_s", "range_limits_m")
-"""Keys of which the number, or the last of several, may be meant to be huge, as infinity is not taken: a bias, to the
-end of the run, no limit."""
+_WITHOUT_END = ("tau_s", "until_s")
+"""Keys of numbers that may be meant to be huge, as infinity is not taken: a bias, to the end of the run."""
+_FROM_TO = ("windows_s", "range_limits_m")
+"""Keys of pairs of which the second number may be: to the end of the run, no limit."""
 
 
 def implausible_values(content: Mapping[str, Any]) -> list[str]:
@@ -47,18 +48,18 @@ def _numbers(path: tuple[str, ...], value: Any) -> Iterator[tuple[tuple[str, ...
         for key, part in value.items():
             yield from _numbers((*path, str(key)), part)
     elif isinstance(value, Sequence) and not isinstance(value, str):
-        numbers = all(isinstance(part, int | float) for part in value)
-        for part in value[:-1] if numbers and _is_without_end(path) else value:
-            yield from _numbers(path, part) if not numbers else [(path, float(part))]
-    elif isinstance(value, int | float) and not isinstance(value, bool) and not _is_without_end(path):
+        pair = _name(path) in _FROM_TO and len(value) == 2 and not any(isinstance(part, Sequence) for part in value)
+        for part in value[:1] if pair else value:
+            yield from _numbers(path, part)
+    elif isinstance(value, int | float) and not isinstance(value, bool) and _name(path) not in _WITHOUT_END:
         yield path, float(value)
 
 
-def _is_without_end(path: Sequence[str]) -> bool:
-    return path[-1].rpartition(".")[2] in _WITHOUT_END
+def _name(path: Sequence[str]) -> str:
+    return path[-1].rpartition(".")[2] if path else ""
 
 
 def _most(path: Sequence[str]) -> tuple[float, str]:
-    words = path[-1].rpartition(".")[2].split("_")
+    words = _name(path).split("_")
     ends = ("_".join(words[place:]) for place in range(1, len(words)))
     return next((_MOST[end] for end in ends if end in _MOST), (math.inf, ""))

@@ -137,6 +137,11 @@ def test_a_correlation_time_without_end_is_a_bias_and_no_slip():
     assert implausible_values({"grid": {"sensors.radar.noise.1.tau_s": [1e12]}, "clock": {"step_s": 1e12}}) == [
         "clock.step_s: 1e+12 s is implausibly large; check the unit."
     ]
+    starts = {"radar": {"windows_s": [[1e12, 2e12]], "range_limits_m": [1e15, 1e16]}}
+    assert implausible_values({"sensors": starts}) == [
+        "sensors.radar.windows_s: 1e+12 s is implausibly large; check the unit.",
+        "sensors.radar.range_limits_m: 1e+15 m is implausibly large; check the unit.",
+    ]
     setting = NoiseSetting("noise", RandomSource(1, tuple(range(50))), 1, 864.0)
     drawn = part.process(setting).sample(864.0 * np.arange(1000))
     assert np.std(drawn[:, 0]) == pytest.approx(1, abs=0.3)

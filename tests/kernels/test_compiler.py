@@ -1,6 +1,7 @@
 """What numba is told of the parts of kernels."""
 
 import sys
+import threading
 
 import numba
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from plain_orbits import INTEGRATION, PARTS, STEP, chiefs, field_of
 
 from relnav_sim import kernels
-from relnav_sim.kernels import collocation, dop853, field_paths, lanes, relative_gravity, scores
+from relnav_sim.kernels import collocation, compiler, dop853, field_paths, lanes, relative_gravity, scores
 from relnav_sim.kernels.compiler import owns_arrays
 
 
@@ -47,3 +48,23 @@ def test_the_width_of_registers_does_not_show():
     assert not np.array_equal(wide, numbers)
     numba.njit(error_model="numpy")(kernels.normals.box_muller.py_func)(narrow)
     np.testing.assert_array_equal(wide, narrow)
+
+
+def test_threads_that_compile_at_once_leave_numba_as_it_was():
+    """One that ends while another is at work must not put back what the other has replaced."""
+    function = numba.core.types.functions.BaseFunction.get_call_type
+    inside, may_end = threading.Event(), threading.Event()
+
+    def compiling():
+        with compiler._no_type_asked_twice():
+            inside.set()
+            may_end.wait(5)
+
+    threads = [threading.Thread(target=compiling) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    assert inside.wait(5)
+    may_end.set()
+    for thread in threads:
+        thread.join()
+    assert numba.core.types.functions.BaseFunction.get_call_type is function

@@ -6,14 +6,16 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from relnav_sim.report.tables import Column, Number, Row, Table, Words
 from relnav_sim.statistics.intervals import Interval
+from relnav_sim.statistics.verdicts import judged
 from replication import findings as findings_module
 from replication.committed import FOLDER, committed
 from replication.compose import RULES, summarised
-from replication.effects import Effect, Evidence, Judgement
+from replication.effects import Effect, Evidence, Judgement, _margin
 from replication.evidence import as_told, found_in_words
 from replication.evidence_page import evidence_page
 from replication.findings import only_if, possible, read_findings, share_of_settings
@@ -223,6 +225,18 @@ def test_a_ratio_to_what_may_be_nought_has_no_upper_end():
         item = Evidence(rule.main[0], True, (effect,), "open", "")
         words = found_in_words(Judgement(rule, (item,), "not reproduced", ()))
         assert words == f"Outliers, over that of b {told}"
+
+
+def test_a_margin_is_that_to_the_hardest_to_beat_in_whatever_order():
+    """30 runs: `rare` has outliers in few runs and far fewer than `best`, `many` has more, `none` has none at all."""
+    rng = np.random.default_rng(5)
+    best, many = rng.uniform(4, 6, 30), rng.uniform(7, 9, 30)
+    rare, none = np.where(np.arange(30) < 2, 0.3, 0.0), np.zeros(30)
+    part = Part("outliers, below that of the best other", "margin", ("a",), "r", "%", ("b", "c"), at_least=0.0)
+    for outer, outcome in (((many, rare), "fails"), ((none, rare), "fails"), ((many, none), "open")):
+        for others in (outer, outer[::-1]):
+            found = _margin([best, *others], part, 0.95)
+            assert judged(found, at_least=part.at_least) == outcome
 
 
 def test_what_a_paper_gives_word_for_word_stands_with_the_verdict(of_committed):

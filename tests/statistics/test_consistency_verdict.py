@@ -12,7 +12,7 @@ from relnav_sim import LinearDynamics, create_filter, run_filter
 from relnav_sim.measurements.linear import LinearMeasurement
 from relnav_sim.results import layout
 from relnav_sim.statistics.consistency import normalised_errors
-from relnav_sim.statistics.consistency_verdict import consistency_of
+from relnav_sim.statistics.consistency_verdict import consistency_of, overconfident_parts
 from relnav_sim.statistics.decision import Candidate
 from relnav_sim.statistics.intervals import NO_INTERVAL, mean_interval
 
@@ -114,9 +114,20 @@ def test_a_filter_is_refused_by_the_part_whose_sigma_is_known_to_be_too_small(fl
     assert least <= share <= most
 
 
+def test_a_part_is_overconfident_whatever_the_others_are():
+    """Position at twice its sigma; the others have no ANEES, or one of nought, with which there is no verdict."""
+    position = 4 + 0.1 * np.random.default_rng(2).standard_normal(20)
+    for whole, velocity in ((np.nan, np.nan), (1.3, 0.0)):
+        runs = np.column_stack([np.full(20, whole), position, np.full(20, velocity)])
+        assert consistency_of(runs) is None
+        assert overconfident_parts(runs)[-1] == "position"
+        assert candidate(runs).too_overconfident == ("position",)
+        assert candidate(runs).most_overconfident == "position"
+
+
 def candidate(runs):
     errors = {}
     for name, values in zip(layout.BLOCKS, runs.T, strict=True):
         one = mean_interval(values)
         errors[name] = replace(one, low=one.low**0.5, estimate=one.estimate**0.5, high=one.high**0.5)
-    return Candidate("a", NO_INTERVAL, errors_over_sigma=errors, overconfident=consistency_of(runs).overconfident)
+    return Candidate("a", NO_INTERVAL, errors_over_sigma=errors, overconfident=overconfident_parts(runs))
