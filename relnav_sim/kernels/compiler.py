@@ -78,7 +78,7 @@ def _no_search_for_garbage() -> Iterator[None]:
 
 @contextmanager
 def _no_type_asked_twice() -> Iterator[None]:
-    """Spare a tenth of the time of compiling: numba tries all forms of an operator anew wherever one is used.
+    """Spare a seventh of the work in Python: numba tries all forms of an operator anew wherever one is used.
 
     For as long as this lasts other threads of the program that compile wait, as they do for numba itself.
     """
@@ -153,59 +153,11 @@ def _where_known(**options: Any) -> dict[str, Any]:
     return options if numba.version_info.short <= LATEST_KNOWN else {}
 
 
-class _Compiler(numba.core.compiler.Compiler):  # type: ignore[misc]  # numba has no types
-    """What compiles kernels and their parts, without numba's passes for closures, array expressions and inlining.
-
-    Kernels have none of the first two, and LLVM inlines. The passes take a twelfth of the work in Python.
-    """
-
-    def define_pipelines(self) -> list[Any]:
-        """Return the passes."""
-        found: list[Any] = super().define_pipelines()
-        for manager in found:
-            manager.passes[:] = [entry for entry in manager.passes if entry[0].name() not in _IN_VAIN]
-        return found
-
-
-_IN_VAIN = {"inline_closure_likes", "inline_overloads", "nopython_rewrites"}
-
-
-class _PartCompiler(_Compiler):
-    """What compiles parts of kernels, which are made machine code in the kernels only."""
-
-    def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
-        super().__init__(typing, target, library or _PartOfKernels(target.codegen(), "part"), *others)
-
-
-class _KernelCompiler(_Compiler):
-    """What compiles kernels, which hand over arrays in half the time that numba takes for it."""
-
-    def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
-        super().__init__(typing, target, library or self.new_library(target.codegen(), "kernel"), *others)
-        self.state.library.enable_object_caching()
-        target = self.state.targetctx  # a copy, of this kernel alone
-        target.get_python_api = lambda builder: _PythonInterface(target, builder)
-
-    @staticmethod
-    def new_library(codegen: Any, name: str) -> Any:
-        """Return where the code is collected."""
-        return _Kernel(codegen, name)
-
-
-class _WideKernelCompiler(_KernelCompiler):
-    """What compiles kernels whose loops are to use the processor's widest registers."""
-
-    @staticmethod
-    def new_library(codegen: Any, name: str) -> Any:
-        """Return where the code is collected."""
-        return _WideKernel(codegen, name)
-
-
 class _OptimisedOnce(numba.core.codegen.JITCodeLibrary):  # type: ignore[misc]
     """Code that is optimised where all of it has come together, in the kernel.
 
     By itself numba would optimise each function, then what it calls with it, twice, and make machine code of it, which
-    nobody runs, before it goes into another one. That takes a third of the time of compiling.
+    nobody runs, before it goes into another one. That takes a quarter of the time of compiling.
     """
 
     def _optimize_functions(self, module: Any) -> None:
@@ -281,6 +233,52 @@ class _WideKernel(_Kernel):
             super()._optimize_final_module()
         finally:
             codegen._tm = machine
+
+
+class _Compiler(numba.core.compiler.Compiler):  # type: ignore[misc]  # numba has no types
+    """What compiles kernels and their parts, without numba's passes for closures, array expressions and inlining.
+
+    Kernels have none of the first two, and LLVM inlines. The passes take an eighth of the work in Python.
+    """
+
+    library_class: type[_OptimisedOnce]
+
+    def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
+        super().__init__(typing, target, library or self.library_class(target.codegen(), "kernel"), *others)
+
+    def define_pipelines(self) -> list[Any]:
+        """Return the passes."""
+        found: list[Any] = super().define_pipelines()
+        for manager in found:
+            manager.passes[:] = [entry for entry in manager.passes if entry[0].name() not in _IN_VAIN]
+        return found
+
+
+_IN_VAIN = {"inline_closure_likes", "inline_overloads", "nopython_rewrites"}
+
+
+class _PartCompiler(_Compiler):
+    """What compiles parts of kernels, which are made machine code in the kernels only."""
+
+    library_class = _PartOfKernels
+
+
+class _KernelCompiler(_Compiler):
+    """What compiles kernels, which hand over arrays in half the time that numba takes for it."""
+
+    library_class = _Kernel
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.state.library.enable_object_caching()
+        target = self.state.targetctx  # a copy, of this kernel alone
+        target.get_python_api = lambda builder: _PythonInterface(target, builder)
+
+
+class _WideKernelCompiler(_KernelCompiler):
+    """What compiles kernels whose loops are to use the processor's widest registers."""
+
+    library_class = _WideKernel
 
 
 class _PythonInterface(numba.core.pythonapi.PythonAPI):  # type: ignore[misc]

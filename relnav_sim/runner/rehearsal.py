@@ -217,7 +217,8 @@ def compile_ahead(tasks: Sequence[Task], place: int) -> None:
             soon = isinstance(task, BoundTask) or _cost_us(task.case) < PREVIEW_COST_US
             if soon and time.process_time() - before < PREVIEW_S:
                 _run(task, PREVIEW_EPOCHS, RUNS[:1], learned)
-    both = shares([name for name in called if name in kernel_names()])  # one of another package is left to its user
+    own = set(kernel_names())
+    both = shares([name for name in called if name in own])  # one of another package is left to its user
     names = [*both[place], *reversed(both[1 - place])]
     for is_at_it in (is_being_compiled, lambda name: False):  # at last wait for what the other one has begun
         for name in names:
