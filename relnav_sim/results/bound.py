@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 from relnav_sim.printable import printable
-from relnav_sim.results import layout, stacks, store
+from relnav_sim.results import hdf5, layout, stacks, store
 from relnav_sim.results.block import AnyArray, RefusedError, ResultsError
 from relnav_sim.results.bundle import Bundle, open_bundle, read_bundle, write_bundle, written
 from relnav_sim.results.campaign_header import CaseHeader, ResultHeader
@@ -274,15 +274,14 @@ def write_limits(group: h5py.Group, limits: CaseLimits) -> None:
     for (spec, name), array in limits.arrays.items():
         place = group[name] if name else group
         store.write_dimensions(place, [spec])
-        store.write(place, spec, array)
+        store.write(place, {spec: array})
     for name, one in limits.observed.items():
         place = group[name]
         store.write_dimensions(place, layout.OBSERVABILITY, state=one.states)
-        for spec, values in zip(layout.OBSERVABILITY, one.arrays, strict=True):
-            store.write(place, spec, values)
-        place.attrs["sensors"] = json.dumps(one.sensors)
-        place.attrs["blind"], place.attrs["weakest"] = one.blind, one.weakest
-        place.attrs["course"] = json.dumps(one.course)
+        store.write(place, dict(zip(layout.OBSERVABILITY, one.arrays, strict=True)))
+        sensors, course = json.dumps(one.sensors), json.dumps(one.course)
+        facts = {"sensors": sensors, "blind": one.blind, "weakest": one.weakest, "course": course}
+        hdf5.set_attributes(place.id, facts)
 
 
 def write_stacked_limits(group: h5py.Group, of_cases: Mapping[int, CaseLimits]) -> None:
@@ -291,17 +290,15 @@ def write_stacked_limits(group: h5py.Group, of_cases: Mapping[int, CaseLimits]) 
         rows = {i: limits.arrays[spec, name] for i, limits in of_cases.items() if (spec, name) in limits.arrays}
         place, whole = group[name] if name else group, stacks.stacked(spec)
         store.write_dimensions(place, [whole], **{whole.dims[0]: list(rows)})
-        store.write(place, whole, np.stack(list(rows.values())))
+        store.write(place, {whole: np.stack(list(rows.values()))})
     for name in dict.fromkeys(name for limits in of_cases.values() for name in limits.observed):
         found = {i: limits.observed[name] for i, limits in of_cases.items() if name in limits.observed}
         specs, facts = [stacks.stacked(spec) for spec in layout.OBSERVABILITY], list(found.values())
         axes = {"state": facts[0].states, specs[0].dims[0]: list(found)}
         store.write_dimensions(group[name], [*specs, *stacks.OBSERVED_FACTS], **axes)
-        for place_of, spec in enumerate(specs):
-            store.write(group[name], spec, np.stack([one.arrays[place_of] for one in facts]))
+        store.write(group[name], {spec: np.stack([one.arrays[i] for one in facts]) for i, spec in enumerate(specs)})
         words = [(json.dumps(one.sensors), one.blind, one.weakest, json.dumps(one.course)) for one in facts]
-        for spec, values in zip(stacks.OBSERVED_FACTS, zip(*words, strict=True), strict=True):
-            store.write(group[name], spec, values)
+        store.write(group[name], dict(zip(stacks.OBSERVED_FACTS, zip(*words, strict=True), strict=True)))
 
 
 def bounds_of(header: ResultHeader, bounds: Iterable[BoundResult]) -> dict[str, list[BoundResult]]:

@@ -17,7 +17,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from relnav_sim.results import store
+from relnav_sim.results import hdf5, store
 from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.block import AnyArray, ResultsError
 
@@ -84,11 +84,9 @@ def write_bundle(path: Path, form: str, header: Mapping[str, Any], arrays: Mappi
     """
     texts, data = written(header, arrays)
     with written_whole(path) as temporary, store.create_file(temporary) as file:
-        file.attrs["format"] = form
-        file.attrs["format_version"] = ONE_RUN_OF_BYTES
-        for name, text in texts.items():
-            file.attrs[name] = text
-        file.create_dataset(_DATA, data=np.frombuffer(data, dtype=np.uint8), track_times=False)
+        hdf5.set_attributes(file.id, {"format": form, "format_version": ONE_RUN_OF_BYTES, **texts})
+        values = np.frombuffer(data, dtype=np.uint8)
+        hdf5.write(hdf5.create(file, _DATA, values.dtype, values.shape), values)
 
 
 Former = Callable[[h5py.File, Mapping[str, Any]], Arrays]

@@ -12,7 +12,7 @@ from typing import Any
 import h5py
 
 from relnav_sim.measurements.channel import Channel
-from relnav_sim.results import layout, stacks, store
+from relnav_sim.results import hdf5, layout, stacks, store
 from relnav_sim.results.block import ResultsError
 from relnav_sim.results.campaign_header import CaseHeader, ReplayHeader, ResultHeader
 from relnav_sim.results.provenance import Provenance, Session, checked_moment, stored_session
@@ -21,34 +21,33 @@ from relnav_sim.results.sound import odd_header
 
 def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) -> None:
     """Write the attributes of the file, its constants, and a group with attributes for each case."""
-    file.attrs.update(
-        {
-            "format": layout.FORMAT,
-            "format_version": stacks.result_version(len(header.cases)),
-            "campaign_name": header.campaign_name,
-            "campaign_text": header.text,
-            "campaign_content": json.dumps(header.content),
-            "campaign_hash": header.hash,
-            "seed": str(header.seed),
-            "runs": header.runs,
-        }
-    )
+    facts = {
+        "format": layout.FORMAT,
+        "format_version": stacks.result_version(len(header.cases)),
+        "campaign_name": header.campaign_name,
+        "campaign_text": header.text,
+        "campaign_content": json.dumps(header.content),
+        "campaign_hash": header.hash,
+        "seed": str(header.seed),
+        "runs": header.runs,
+    }
     if header.only is not None:
-        file.attrs["only_run"] = header.only
+        facts["only_run"] = header.only
     if header.stopping:
-        file.attrs["stopping"] = json.dumps(dict(header.stopping))
+        facts["stopping"] = json.dumps(dict(header.stopping))
     if header.replay is not None:
-        file.attrs["replay"] = json.dumps(asdict(header.replay))
+        facts["replay"] = json.dumps(asdict(header.replay))
     for name, value in asdict(provenance).items():
         if name == "machines" and not value:
             continue
-        file.attrs[name] = json.dumps(value) if isinstance(value, dict | tuple) else value
-    file.create_group("constants").attrs.update(dict(header.constants))
+        facts[name] = json.dumps(value) if isinstance(value, dict | tuple) else value
+    hdf5.set_attributes(file.id, facts)
+    hdf5.set_attributes(file.create_group("constants").id, header.constants)
     if len(header.cases) > stacks.STACKED_CASES:
         _write_cases(file, header.cases)
         return
     for index, case in enumerate(header.cases):
-        file.create_group(layout.case_group(index)).attrs.update(_texts_of(case))
+        hdf5.set_attributes(file.create_group(layout.case_group(index)).id, _texts_of(case))
 
 
 def _texts_of(case: CaseHeader) -> dict[str, str]:
@@ -69,8 +68,7 @@ def _write_cases(file: h5py.File, cases: Sequence[CaseHeader]) -> None:
     group = file.create_group(stacks.CASES)
     store.write_dimensions(group, stacks.CASE_TABLE, case=range(len(cases)))
     rows = [_texts_of(case) for case in cases]
-    for spec in stacks.CASE_TABLE:
-        store.write(group, spec, [row.get(spec.name, "") for row in rows])
+    store.write(group, {spec: [row.get(spec.name, "") for row in rows] for spec in stacks.CASE_TABLE})
 
 
 def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 
 from relnav_sim.conventions import RESERVED_NAMES
-from relnav_sim.results import layout, seal, stacks, store
+from relnav_sim.results import hdf5, layout, seal, stacks, store
 from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.block import RefusedError, ResultsError
 from relnav_sim.results.bound import BoundResult, bound_digest, bounds_of
@@ -79,9 +79,9 @@ def merge_pieces(
     with written_whole(out) as temporary:
         with store.create_file(temporary) as file:
             write_header(file, header, provenance)
-            file.attrs[seal.ATTRIBUTE] = seal.NOTICE
+            hdf5.set_attributes(file.id, {seal.ATTRIBUTE: seal.NOTICE})
             if mark:
-                file.attrs[MERGED_FROM] = merged_from(header, pieces, map(bound_digest, bounds))
+                hdf5.set_attributes(file.id, {MERGED_FROM: merged_from(header, pieces, map(bound_digest, bounds))})
             if stacks.CASES in file:
                 _write_stacks(file, len(header.cases), cases)
             else:
@@ -125,7 +125,7 @@ def _write_stacks(file: h5py.File, cases: int, held: Sequence[CaseRows]) -> None
         StackWriter(group, alike, many=True).write()
         for rows in alike:
             of_case[rows.index] = number
-    store.write(file[stacks.CASES], stacks.STACK, of_case)
+    store.write(file[stacks.CASES], {stacks.STACK: of_case})
 
 
 def pieces_by_case(pieces: Iterable[Piece], header: ResultHeader) -> dict[str, list[Piece]]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import h5py
 import numpy as np
 
+from relnav_sim.results import hdf5
 from relnav_sim.results.block import AnyArray, RefusedError
 from relnav_sim.results.layout import Dataset
 
@@ -43,16 +44,17 @@ class RowWriter:
     """Writes rows of datasets that are created at full size; of a row that comes twice the second must be the same.
 
     Args:
-        group: Where the datasets are.
-        specs: The datasets.
+        datasets: The datasets by name.
+        specs: What the layout says of them.
         rows: How many rows they have.
         waiting: Counts what waits; neighbouring rows are written together, as each call costs the same.
     """
 
-    def __init__(self, group: h5py.Group, specs: Sequence[Dataset], rows: int, waiting: Waiting) -> None:
+    def __init__(
+        self, datasets: Mapping[str, h5py.h5d.DatasetID], specs: Sequence[Dataset], rows: int, waiting: Waiting
+    ) -> None:
         self.done = np.zeros(rows, dtype=bool)
-        self._group, self._specs, self._waiting = group, specs, waiting
-        self._datasets = {spec.name: group[spec.name] for spec in specs}
+        self._datasets, self._specs, self._waiting = datasets, specs, waiting
         self._first = self._next = 0
         self._parts: list[Arrays] = []
 
@@ -73,7 +75,8 @@ class RowWriter:
             self.flush()
         for i, row in twice:
             for spec in self._specs:
-                if not spec.timing and not same_bits(arrays[spec.name][i], self._datasets[spec.name][row]):
+                stored = h5py.Dataset(self._datasets[spec.name])
+                if not spec.timing and not same_bits(arrays[spec.name][i], stored[row]):
                     raise RefusedError(f"{where(row)} ({spec.name})")
         fresh = [(i, row) for i, row in zip(sources, targets, strict=True) if not self.done[row]]
         for first, last in _chunks(fresh):
@@ -87,7 +90,7 @@ class RowWriter:
         parts, self._parts = self._parts, []
         for name, dataset in self._datasets.items() if parts else ():
             values = parts[0][name] if len(parts) == 1 else np.concatenate([part[name] for part in parts])
-            dataset[self._first : self._next] = values
+            hdf5.write(dataset, values, self._first)
 
     def _append(self, part: Arrays, first: int, following: int) -> None:
         if first != self._next:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import h5py
 import numpy as np
 
-from relnav_sim.results import layout, stacks, store
+from relnav_sim.results import hdf5, layout, stacks, store
 from relnav_sim.results.block import AnyArray, BlockResult, Failure, RefusedError
 from relnav_sim.results.bound import write_limits, write_stacked_limits
 from relnav_sim.results.case_failures import CaseFailures
@@ -75,25 +75,22 @@ class StackWriter:
         self._write_rows(self._group, "trajectory", owners)
         count = sum(map(len, owners.values()))
         store.write_dimensions(self._group, [layout.TRUTH], time=time_s)
-        store.create(self._group, layout.TRUTH, (count, len(time_s), len(layout.COMPONENTS)))
-        self._truth = RowWriter(self._group, [layout.TRUTH], count, self._waiting)
+        made = store.create(self._group, [layout.TRUTH], layout.sizes(len(time_s), len(time_s), count))
+        self._truth = RowWriter(made, [layout.TRUTH], count, self._waiting)
         self._filters = {name: self._created(name, own, time_s) for name, own in self._columns.items()}
 
     def _created(self, name: str, columns: layout.Columns, time_s: AnyArray) -> RowWriter:
         group = self._group.create_group(name)
         if not self._many:
-            group.attrs.update({"case": self._cases[0].case.label, "filter": name})
+            hdf5.set_attributes(group.id, {"case": self._cases[0].case.label, "filter": name})
         runs = {rows.index: rows.filters.get(name, []) for rows in self._cases}
         count = sum(map(len, runs.values()))
         self._write_rows(group, "run", runs)
         units = [layout.AUGMENTED_UNIT] if columns.augmented else []
         store.write_dimensions(group, [*columns.datasets, *units], time=time_s, **columns.labels)
-        lengths = layout.sizes(count, len(time_s)) | columns.lengths
-        for spec in columns.datasets:
-            store.create(group, spec, layout.shape(spec, lengths))
-        for spec in units:
-            store.write(group, spec, columns.augmented_units)
-        return RowWriter(group, columns.datasets, count, self._waiting)
+        made = store.create(group, columns.datasets, layout.sizes(count, len(time_s)) | columns.lengths)
+        store.write(group, {spec: columns.augmented_units for spec in units})
+        return RowWriter(made, columns.datasets, count, self._waiting)
 
     def _write_rows(self, group: h5py.Group, axis: str, values: Mapping[int, Sequence[int]]) -> None:
         """Write the coordinate of an axis that cases share, and whose the rows are."""
@@ -101,7 +98,7 @@ class StackWriter:
         store.write_dimensions(group, [layout.Dataset(axis, (axis,), "<i8", "", "")], **{axis: rows})
         if self._many:
             owners = np.repeat(list(values), [len(own) for own in values.values()])
-            store.write(group, stacks.row_of_case(axis), owners)
+            store.write(group, {stacks.row_of_case(axis): owners})
 
     def _fill(self, case: _Case, info: ShardInfo, block: BlockResult) -> None:
         rows, where = case.rows, f"case {case.rows.case.label}"
@@ -141,10 +138,10 @@ class StackWriter:
         group = self._group.create_group("failures")
         count = len(self._failures)
         store.write_dimensions(group, layout.FAILURES, failure=range(count))
-        for spec in layout.FAILURES:
-            store.write(group, spec, [getattr(failure, spec.name) for _, failure in self._failures])
+        values = {spec: [getattr(failure, spec.name) for _, failure in self._failures] for spec in layout.FAILURES}
         if self._many:
-            store.write(group, stacks.row_of_case("failure"), [index for index, _ in self._failures])
+            values[stacks.row_of_case("failure")] = [index for index, _ in self._failures]
+        store.write(group, values)
 
 
 class _Case:

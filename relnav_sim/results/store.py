@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from relnav_sim.results import layout, seal
+from relnav_sim.results import hdf5, layout, seal
 from relnav_sim.results.block import AnyArray, ResultsError
 from relnav_sim.results.layout import Dataset, Dimension
 from relnav_sim.results.locked import in_use, open_locked
@@ -26,7 +26,6 @@ from relnav_sim.results.sound import odd_coordinate, odd_values, too_deep
 
 # What h5py raises for damaged objects, unknown types and broken text.
 _UNREADABLE = (KeyError, OSError, RuntimeError, TypeError, ValueError)
-_TEXT = h5py.string_dtype("utf-8")
 _LARGEST_COMPRESSION = 16
 """Bytes that a dataset may take in memory for each byte of its file; relnav writes without compression."""
 _ALWAYS = 1 << 20
@@ -36,43 +35,41 @@ _TEXT_AT_ONCE = 1 << 26
 """Bytes that are read at once where each text may be as long as the file."""
 
 
-def create(group: h5py.Group, spec: Dataset, shape: tuple[int, ...]) -> h5py.Dataset:
-    """Create a dataset of the layout, with its attributes and the dimensions that stand beside it."""
-    dataset = group.create_dataset(spec.name, shape=shape, dtype=_stored_type(spec.dtype), track_times=False)
-    _finish(group, spec, dataset)
-    return dataset
+def create(group: h5py.Group, specs: Iterable[Dataset], lengths: dict[str, int]) -> dict[str, h5py.h5d.DatasetID]:
+    """Create datasets of the layout with their attributes, and the dimensions that stand beside them.
+
+    Args:
+        group: The group, which has the coordinates of the dimensions.
+        specs: The datasets.
+        lengths: The length of each dimension.
+    """
+    shapes = {spec: layout.shape(spec, lengths) for spec in specs}
+    made = {spec: _described(group, spec, _type(spec.dtype), shape) for spec, shape in shapes.items()}
+    hdf5.attach_scales(group, [(dataset, spec.dims) for spec, dataset in made.items()])
+    return {spec.name: dataset for spec, dataset in made.items()}
 
 
-def _finish(group: h5py.Group, spec: Dataset, dataset: h5py.Dataset) -> None:
-    """Write what a dataset means, and the dimensions that stand beside it."""
-    _describe(dataset, spec.units, spec.long_name)
-    if spec.timing:
-        dataset.attrs["timing"] = 1
-    for axis, dim in enumerate(spec.dims):  # by HDF5 itself: looking up the scale as an object of h5py takes longest
-        h5py.h5ds.attach_scale(dataset.id, h5py.h5d.open(group.id, dim.encode()), axis)
-
-
-def write(group: h5py.Group, spec: Dataset, values: Any) -> None:
-    """Create a dataset of the layout and fill it."""
-    if spec.dtype == layout.FIXED:
-        texts = [str(value).encode() for value in values]
-        kind = h5py.string_dtype("utf-8", max(map(len, texts), default=0) or 1)
-        dataset = group.create_dataset(spec.name, data=np.array(texts, dtype=kind), dtype=kind, track_times=False)
-        _finish(group, spec, dataset)
-        return
-    array = np.asarray(values, dtype=object if spec.dtype == "str" else spec.dtype)
-    create(group, spec, array.shape)[...] = array
+def write(group: h5py.Group, values: Mapping[Dataset, Any]) -> None:
+    """Create datasets of the layout and fill them; the coordinates of their dimensions are there."""
+    made = []
+    for spec, given in values.items():
+        array = _fixed_texts(given) if spec.dtype == layout.FIXED else np.asarray(given, dtype=_type(spec.dtype))
+        dataset = _described(group, spec, array.dtype, array.shape)
+        hdf5.write(dataset, array)
+        made.append((dataset, spec.dims))
+    hdf5.attach_scales(group, made)
 
 
 def write_dimensions(group: h5py.Group, specs: Iterable[Dataset], **given: Sequence[Any] | AnyArray) -> None:
     """Write the coordinates that the datasets need and the group lacks: the layout's, and those given by name."""
-    for name in dict.fromkeys(dim for spec in specs for dim in spec.dims if dim not in group):
+    needed = dict.fromkeys(dim for spec in specs for dim in spec.dims)
+    for name in [name for name in needed if name not in group]:
         dimension = layout.DIMENSIONS[name]
         values = given[name] if dimension.values is None else dimension.values
-        array = np.asarray(values, dtype=object if dimension.dtype == "str" else dimension.dtype)
-        coordinate = group.create_dataset(name, data=array, dtype=_stored_type(dimension.dtype), track_times=False)
-        _describe(coordinate, dimension.units, dimension.long_name)
-        coordinate.make_scale(name)
+        array = np.asarray(values, dtype=_type(dimension.dtype))
+        coordinate = _described(group, dimension, array.dtype, array.shape)
+        hdf5.write(coordinate, array)
+        hdf5.make_scale(coordinate, name)
 
 
 @contextmanager
@@ -172,13 +169,9 @@ def whole_number(group: h5py.Group | h5py.File, name: str) -> int:
 def _attribute(group: h5py.Group | h5py.File, name: str) -> Any:
     """Return an attribute that is one text or one number; None for any other and where there is none."""
     try:
-        attribute = group.attrs.get_id(name)
-        single = attribute.shape == () and attribute.get_space().get_simple_extent_type() == h5py.h5s.SCALAR
-        plain = attribute.dtype.kind in "iuf" or h5py.check_string_dtype(attribute.dtype) is not None
-        value = group.attrs[name] if single and plain else None
+        return hdf5.attribute(group.id, name)
     except _UNREADABLE:
         return None
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def json_value(group: h5py.Group | h5py.File, name: str, kind: type) -> Any:
@@ -383,11 +376,21 @@ def _own_object(group: h5py.Group | h5py.File, name: str) -> Any:
     return found
 
 
-def _stored_type(dtype: str) -> Any:
-    return _TEXT if dtype == "str" else np.dtype(dtype)
+def _type(dtype: str) -> np.dtype[Any]:
+    return hdf5.TEXT if dtype == "str" else np.dtype(dtype)
 
 
-def _describe(dataset: h5py.Dataset, units: str, long_name: str) -> None:
-    if units:
-        dataset.attrs["units"] = units
-    dataset.attrs["long_name"] = long_name
+def _fixed_texts(values: Iterable[Any]) -> AnyArray:
+    texts = [str(value).encode() for value in values]
+    return np.array(texts, dtype=h5py.string_dtype("utf-8", max(map(len, texts), default=0) or 1))
+
+
+def _described(
+    group: h5py.Group, spec: Dataset | Dimension, dtype: np.dtype[Any], shape: tuple[int, ...]
+) -> h5py.h5d.DatasetID:
+    """Create a dataset and write what it means."""
+    dataset = hdf5.create(group, spec.name, dtype, shape)
+    timing = {"timing": 1} if isinstance(spec, Dataset) and spec.timing else {}
+    units = {"units": spec.units} if spec.units else {}
+    hdf5.set_attributes(dataset, {**units, "long_name": spec.long_name, **timing})
+    return dataset
