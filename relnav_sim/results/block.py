@@ -235,14 +235,17 @@ class FilterResult:
             (layout.BY_CHANNEL if columns.channels else (), self.by_channel, "channel_"),
         ):
             for spec in specs:
-                nothing = np.full(layout.shape(spec, lengths), np.nan if spec.dtype.startswith("<f") else 0)
-                given[spec.name] = nothing if held is None else getattr(held, spec.name.removeprefix(prefix))
+                if held is None:
+                    nothing = np.nan if spec.dtype.startswith("<f") else 0
+                    given[spec.name] = np.full(layout.shape(spec, lengths), nothing)
+                else:
+                    given[spec.name] = getattr(held, spec.name.removeprefix(prefix))
         arrays = {}
-        for spec in columns.datasets:
-            array, expected = np.asarray(given[spec.name]), layout.shape(spec, lengths)
-            if array.shape != expected:
-                raise ValueError(f"{spec.name} has shape {array.shape}; its dimensions {spec.dims} have {expected}")
-            with np.errstate(over="ignore"):
+        with np.errstate(over="ignore"):
+            for spec in columns.datasets:
+                array, expected = np.asarray(given[spec.name]), layout.shape(spec, lengths)
+                if array.shape != expected:
+                    raise ValueError(f"{spec.name} has shape {array.shape}; its dimensions {spec.dims} have {expected}")
                 arrays[spec.name] = np.ascontiguousarray(array, dtype=spec.dtype)
         return arrays
 

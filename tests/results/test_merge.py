@@ -195,7 +195,8 @@ def test_run_ranges() -> None:
 
 
 def test_of_very_many_missing_runs_the_first_are_named() -> None:
-    missing = [MissingRuns(f"a={n}", name, tuple(range(0, 20_000, 2))) for n in range(1000) for name in ("ekf", "ukf")]
+    runs = tuple(range(0, 20_000, 2))
+    missing = [MissingRuns(f"a={n}", name, runs) for n in range(1000) for name in ("ekf", "ukf")]
     said = missing_in_words(missing)
     assert said.startswith("20000000 runs are missing: case a=0, filter ekf: runs 0, 2, 4, 6 and 9996 more; case a=0,")
     assert said.endswith("; and 1996 more filters and cases") and len(said) < 400

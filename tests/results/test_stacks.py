@@ -54,8 +54,9 @@ def test_a_stack_holds_the_numbers_of_groups_apart(both) -> None:
         assert other.time_s(0).tolist() == one.time_s(0).tolist()
         with pytest.raises(ResultsError, match="no results yet"):
             other.truth(CASES - 1)
+        summary = other.summary()
         for name, column in one.summary().items():
-            np.testing.assert_array_equal(column, other.summary()[name])
+            np.testing.assert_array_equal(column, summary[name])
         for case in range(CASES - 1):
             np.testing.assert_array_equal(one.truth(case), other.truth(case))
             np.testing.assert_array_equal(one.truth_runs(case), other.truth_runs(case))
