@@ -55,7 +55,7 @@ def set_attributes(place: h5py.h5g.GroupID | h5d.DatasetID, values: Mapping[str,
 def attribute(place: h5py.h5g.GroupID, name: str) -> str | int | float | bytes | None:
     """Return an attribute that is one text or one number; None for any other."""
     found = h5a.open(place, name.encode())
-    if found.shape != () or found.get_space().get_simple_extent_type() != h5s.SCALAR:
+    if found.get_space().get_simple_extent_type() != h5s.SCALAR:
         return None
     dtype = found.dtype
     if dtype.kind not in "iuf" and h5py.check_string_dtype(dtype) is None:

@@ -406,4 +406,4 @@ def sizes(runs: int, times: int, trajectories: int = 1) -> dict[str, int]:
 
 def shape(dataset: Dataset, lengths: dict[str, int]) -> tuple[int, ...]:
     """Return the shape of a dataset for the given lengths of the dimensions."""
-    return tuple(lengths[dim] for dim in dataset.dims)
+    return tuple([lengths[dim] for dim in dataset.dims])
