@@ -55,7 +55,7 @@ def assert_positive_definite(P):
 
 @pytest.fixture(scope="module")
 def problem():
-    problem = radar_problem(runs=5, steps=25)
+    problem = radar_problem(runs=5, steps=19)
     problem.z[1, 4:8] = np.nan
     problem.z[2, 10, 1] = np.nan
     problem.z[:, 15] = np.nan

@@ -83,7 +83,7 @@ def linear_problem(n, m, seed):
     root = rng.normal(size=(n, n)) * 0.1
     H = rng.normal(size=(m, n))
     R = np.diag(rng.uniform(0.1, 2.0, m))
-    z = rng.normal(size=(5, 60, m)) * 3
+    z = rng.normal(size=(5, 30, m)) * 3
     z[1, :4] = np.nan
     z[2, 10:20] = np.nan
     z[3] = np.nan
