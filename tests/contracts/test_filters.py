@@ -198,9 +198,9 @@ def test_the_same_seed_gives_the_same_numbers(kind, problem, histories):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_inputs_are_not_changed(kind, problem):
-    z, mean0, cov0 = problem.z.copy(), problem.mean0.copy(), problem.cov0.copy()
+    z, mean0, cov0 = problem.z[:, :8].copy(), problem.mean0.copy(), problem.cov0.copy()
     run_filter(build(kind, problem), z, mean0, cov0)
-    assert np.array_equal(z, problem.z, equal_nan=True)
+    assert np.array_equal(z, problem.z[:, :8], equal_nan=True)
     assert np.array_equal(mean0, problem.mean0)
     assert np.array_equal(cov0, problem.cov0)
 
