@@ -45,7 +45,7 @@ def period_of(elements):
 
 
 def sun_at(times, epoch):
-    """Return where the Sun is at many times within some hours, to ten metres: on lines between some of them."""
+    """Return where the Sun is at many times within a day, to 0.2 km: on lines between some of them."""
     some = np.linspace(times[0], times[-1], 200)
     return np.stack([np.interp(times, some, each) for each in sun_position(some, epoch).T], axis=-1)
 
