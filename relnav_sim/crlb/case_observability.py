@@ -11,7 +11,7 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.containment import Containment
 from relnav_sim.crlb.information import SensorInformation, joint_information
-from relnav_sim.crlb.observability import WeakestDirection, direction_in_words, observability
+from relnav_sim.crlb.observability import WeakestDirection, direction_in_words, directions_in_words, observability
 from relnav_sim.crlb.start import start_covariance
 from relnav_sim.dynamics.augmentation.extension import Extension
 from relnav_sim.dynamics.context import DynamicsContext
@@ -157,11 +157,10 @@ def _course(weakest: WeakestDirection, P: Array, looked: _Looked) -> tuple[tuple
     Where several directions are as good as untold, none of them is the weakest: then it says how many.
     """
     course: list[tuple[float, str]] = []
-    for k, time_s in enumerate(looked.times_s[1:].tolist()):
-        blind = int((weakest.course[k] > NOT_OBSERVABLE).sum())
-        words = f"{blind} of 6 directions"
-        if blind < 2:
-            words = direction_in_words(weakest.directions[k], P, looked.start)
+    blind = (weakest.course > NOT_OBSERVABLE).sum(axis=1).tolist()
+    named = directions_in_words(weakest.directions, P, looked.start)
+    for time_s, untold, direction in zip(looked.times_s[1:].tolist(), blind, named, strict=True):
+        words = direction if untold < 2 else f"{untold} of 6 directions"
         if not course or course[-1][1] != words:
             course.append((time_s, words))
     return tuple(course)

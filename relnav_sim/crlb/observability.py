@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from relnav_sim import kernels
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.crlb.recursion import matrix_root
 
 STATE_WORDS = (
@@ -142,14 +142,25 @@ def direction_in_words(
         state: The relative state at the start, (6,).
         augmented: Names of the augmented states.
     """
-    u, P = np.asarray(direction, dtype=float), np.asarray(covariance, dtype=float)
-    white = np.linalg.solve(np.linalg.cholesky(P[:6, :6]), np.stack([u[:6], np.asarray(state, dtype=float)], axis=1))
-    lengths = np.linalg.norm(white, axis=0)
-    itself = lengths.all() and abs(white[:, 0] @ white[:, 1]) > _ITSELF * lengths.prod()
-    scaled = u / np.sqrt(np.diag(P))
-    shares = np.square(scaled) / np.square(scaled[:6]).sum()
-    names = (*STATE_WORDS, *augmented)
-    order = sorted(range(len(names)), key=lambda i: -shares[i])
+    return directions_in_words(np.asarray(direction, dtype=float)[None], covariance, state, augmented)[0]
+
+
+def directions_in_words(
+    directions: ArrayLike, covariance: ArrayLike, state: ArrayLike, augmented: Sequence[str] = ()
+) -> list[str]:
+    """Return each of several directions (T, n) in words; otherwise as `direction_in_words`."""
+    u, P = np.asarray(directions, dtype=float), np.asarray(covariance, dtype=float)
+    whitening = np.linalg.inv(np.linalg.cholesky(P[:6, :6]))
+    white, own = u[:, :6] @ whitening.T, whitening @ np.asarray(state, dtype=float)
+    lengths = np.linalg.norm(white, axis=1) * np.linalg.norm(own)
+    itself = (lengths > 0) & (np.abs(white @ own) > _ITSELF * lengths)
+    squares = np.square(u / np.sqrt(np.diag(P)))
+    shares = squares / squares[:, :6].sum(axis=1, keepdims=True)
+    orders = np.argsort(-shares, axis=1, kind="stable")
+    return [_in_words(*each, (*STATE_WORDS, *augmented)) for each in zip(shares, orders, itself, strict=True)]
+
+
+def _in_words(shares: Array, order: Indices, itself: bool, names: Sequence[str]) -> str:
     named = [names[i] for i in order if shares[i] >= _SHARE]
     parts = f"{', '.join(named[:-1])} and {named[-1]}" if len(named) > 1 else named[0]
     return f"the state itself, that is its scale and with it the range (mostly {parts})" if itself else parts

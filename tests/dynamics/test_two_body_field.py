@@ -98,6 +98,8 @@ def test_about_given_states_of_the_chief():
 )
 def test_the_rest_is_evaluated_often_enough(step_s, monkeypatch):
     """Against three times more often: 1e-14 of the separation is 1e-9 m at 100 km."""
+    for module in ("by_epoch", "chief_segments"):  # one step is asked for
+        monkeypatch.setattr(f"relnav_sim.dynamics.{module}.CHUNK_EPOCHS", 8)
     far = RELATIVE * 10
     usual = motion_of(step_s, degree=60).propagate(far, Step(7))
     monkeypatch.setattr(field_motion, "rounds_for", lambda part_s: 6)

@@ -121,7 +121,7 @@ def kalman_by_hand(case, considered=()):
 
 @pytest.fixture(scope="module")
 def case():
-    return problem()
+    return problem(steps=30)
 
 
 @pytest.mark.parametrize("kind", EXACT)

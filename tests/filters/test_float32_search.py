@@ -30,7 +30,7 @@ NAMES = ["-".join([kind, *map(str, options.values())]) for kind, options in EACH
 
 @pytest.fixture(scope="module")
 def radar():
-    made = radar_problem(runs=5, steps=20)
+    made = radar_problem(runs=5, steps=17)
     made.z[1, 4:8] = made.z[2, 10, 1] = made.z[:, 15] = np.nan
     return made
 

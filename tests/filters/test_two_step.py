@@ -83,7 +83,7 @@ def linear_problem(n, m, seed):
     root = rng.normal(size=(n, n)) * 0.1
     H = rng.normal(size=(m, n))
     R = np.diag(rng.uniform(0.1, 2.0, m))
-    z = rng.normal(size=(5, 60, m)) * 3
+    z = rng.normal(size=(5, 30, m)) * 3
     z[1, :4] = np.nan
     z[2, 10:20] = np.nan
     z[3] = np.nan
@@ -120,7 +120,7 @@ def test_linear_measurement_gives_the_kalman_filter_with_the_plain_start_too(n, 
 
 def test_equality_with_the_kalman_filter_lasts():
     dynamics, measurement, _, _, P0 = linear_problem(4, 2, seed=3)
-    z = np.random.default_rng(4).normal(size=(2, 1000, 2)) * 3
+    z = np.random.default_rng(4).normal(size=(2, 600, 2)) * 3
     kf, two_step = (run_filter(create_filter(name, dynamics, measurement), z, np.zeros(4), P0) for name in
                     ("kf", "two_step"))  # fmt: skip
     sigma = np.sqrt(np.einsum("btii->bti", kf.covariance))

@@ -184,7 +184,7 @@ def test_moves_leave_the_posterior_as_it_is():
 
 
 def test_matches_the_unscented_filter_in_orbit():
-    p = radar_problem(runs=12, steps=120)
+    p = radar_problem(runs=6, steps=90)
     ukf = run_filter(create_filter("ukf", p.dynamics, p.measurement), p.z, p.mean0, p.cov0)
     filter = create_filter("unscented_particle", p.dynamics, p.measurement, particles=1500)
     found = run_filter(filter, p.z, p.mean0, p.cov0)

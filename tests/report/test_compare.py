@@ -23,14 +23,21 @@ def compared(a: Path, b: Path, first: str | None = None, second: str | None = No
         return compare(Side(one, "a", first), Side(other, "b", second))
 
 
-@pytest.fixture
-def two(invent: ResultMaker, tmp_path: Path) -> tuple[Path, Path]:
-    """Two results of one campaign with their own filters, and 20 and 15 runs."""
-    paths = []
+@pytest.fixture(scope="module")
+def written(invent: ResultMaker, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two results of one campaign with their own filters, and 20 and 15 runs, in a folder each."""
+    folder = tmp_path_factory.mktemp("two")
     for name, filters, runs in (("a", {"ekf": 1.0, "kf": 1.2}, 20), ("b", {"ukf": 0.9, "kf": 1.2}, 15)):
-        (tmp_path / name).mkdir()
-        paths.append(invent(tmp_path / name, filters=filters, runs=runs, failed={"kf": [2]}))
-    return paths[0], paths[1]
+        (folder / name).mkdir()
+        invent(folder / name, filters=filters, runs=runs, failed={"kf": [2]})
+    return folder
+
+
+@pytest.fixture
+def two(written: Path, tmp_path: Path) -> tuple[Path, Path]:
+    """Return copies of the two results, which a test may change."""
+    shutil.copytree(written, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "a" / "invented.h5", tmp_path / "b" / "invented.h5"
 
 
 def test_two_filters_across_results_are_paired_by_run(two: tuple[Path, Path]) -> None:

@@ -16,6 +16,7 @@ CAMPAIGN = """
 name: truths
 seed: 3
 runs: 2
+bound: false
 clock: {duration_s: 60, step_s: 1, store_every_s: 10}
 truth:
   chief: {orbit: {altitude_km: 500, i_deg: 50}, mass_kg: 100, area_m2: 1}

@@ -76,7 +76,7 @@ def test_nothing_of_them_is_left_when_the_work_is_done():
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
-@pytest.mark.parametrize("processes", [1, 2])
+@pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.slow)])  # as the process above does
 def test_results_come_back_in_order(processes):
     assert shared_out(divmod, [(x, 3) for x in range(5)], processes) == [divmod(x, 3) for x in range(5)]
 

@@ -57,7 +57,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def report(invent: ResultMaker, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A report of two cases and three filters with awkward names, one failed run."""
+    """A report of two cases and three filters with awkward names, one failed run; its figures have no pixels."""
     folder = tmp_path_factory.mktemp("report")
     path = invent(
         folder,
@@ -67,7 +67,9 @@ def report(invent: ResultMaker, tmp_path_factory: pytest.TempPathFactory) -> Pat
         failed={"kf": [3]},
         text="name: </pre><script>alert(2)</script>\n",
     )
-    return write_report(path, folder / "out")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("relnav_sim.plots.style.png", lambda _: b"\x89PNG")
+        return write_report(path, folder / "out")
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ HEAD = """
 name: flight
 seed: 5
 runs: 3
-clock: {duration_s: 600, step_s: STEP, store_every_s: 60}
+clock: {duration_s: DURATION, step_s: STEP, store_every_s: 60}
 truth:
   chief:
     orbit: {a_km: 6878, e: 0.001, i_deg: 51.6, raan_deg: 10, argp_deg: 20, ta_deg: 30}
@@ -43,10 +43,10 @@ EKF = "{kind: ekf, dynamics: {kind: nonlinear_j2}, process_noise: {acceleration_
 DISPERSED = "{kind: dispersed, position_sigma_m: 20, velocity_sigma_m_s: 0.05}"
 
 
-def campaign(sensors, filters, start=DISPERSED, step="2", more="statistics: {settle_s: 200}"):
+def campaign(sensors, filters, start=DISPERSED, step="2", duration="600", more="statistics: {settle_s: 200}"):
     lines = ["sensors:", *(f"  {each}" for each in sensors), f"start: {start}", "filters:"]
     lines += [f"  {name}: {entry}" for name, entry in filters.items()]
-    return parse_campaign("\n".join([HEAD.replace("STEP", step), *lines, more]))
+    return parse_campaign("\n".join([HEAD.replace("STEP", step).replace("DURATION", duration), *lines, more]))
 
 
 def through_files(made, folder, runs):
@@ -86,7 +86,7 @@ CAMPAIGNS = {
 @pytest.mark.parametrize("name", CAMPAIGNS)
 def test_a_campaign_replayed_gives_its_own_bits(name, tmp_path):
     sensors, filters, start = CAMPAIGNS[name]
-    made = campaign(sensors, filters, start)
+    made = campaign(sensors, filters, start, duration="300")
     runs = (0, 2)
     flown = simulate_block(made.cases[0], made.seed, runs).result
     recorded = through_files(made, tmp_path, runs)

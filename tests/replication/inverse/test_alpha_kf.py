@@ -70,9 +70,10 @@ def test_a_table_is_a_paper_of_its_own() -> None:
     for table in paper.tables.values():
         np.testing.assert_array_equal(table.printed, PRINTED[[PLACE[number.name] for number in table.numbers]])
     u = settings(paper, 1, 0, 1)
-    assert paper.tables["table_2"].flown(u, [[1]], 2).shape == (1, 2, 51)
-    first = paper.flown(u, [[1]], 2)[:, :, [PLACE[number.name] for number in paper.tables["table_2"].numbers]]
-    np.testing.assert_array_equal(paper.tables["table_2"].flown(u, [[1]], 2), first)
+    second = paper.tables["table_2"]
+    alone = second.flown(u, [[1]], 2)
+    assert alone.shape == (1, 2, 51)
+    np.testing.assert_array_equal(alone, paper.flown(u, [[1]], 2)[:, :, [PLACE[each.name] for each in second.numbers]])
 
 
 def test_rules_fail_on_equal_filters() -> None:
