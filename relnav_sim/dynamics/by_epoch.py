@@ -10,7 +10,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.conventions import CHUNK_EPOCHS
-from relnav_sim.dynamics.interface import Step, linear_images
+from relnav_sim.dynamics.interface import Step, is_still, linear_images
 
 T = TypeVar("T")
 
@@ -56,8 +56,8 @@ class LinearByEpoch:
 
     @property
     def moves_by_transition(self) -> bool:
-        """Whether `propagate` is the multiplication; in a class derived from this one it may be something else."""
-        return type(self).propagate is LinearByEpoch.propagate
+        """Whether `propagate` is the multiplication; a derived class, or one object, may have something else there."""
+        return is_still(self.propagate, LinearByEpoch.propagate)
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return F x for every state, (runs, ..., n)."""
@@ -73,9 +73,10 @@ class LinearByEpoch:
         return self._Q
 
     def known_steps(self, first_epoch: int, count: int) -> tuple[Array, Array] | None:
-        """Return F (count, n, n) and Q (1, n, n) of steps; None where a derived class has others of its own."""
-        own, base = type(self), LinearByEpoch
-        if (own.propagate, own.transition, own.process_noise) != (base.propagate, base.transition, base.process_noise):
+        """Return F (count, n, n) and Q (1, n, n) of steps; None where a derived class or an object has its own."""
+        own = (self.propagate, self.transition, self.process_noise)
+        base = (LinearByEpoch.propagate, LinearByEpoch.transition, LinearByEpoch.process_noise)
+        if not all(map(is_still, own, base)):
             return None
         chunks = map(self._chunks.at, range(first_epoch, first_epoch + count))
         return np.stack([matrices[place] for matrices, place in chunks]), self._Q[None]

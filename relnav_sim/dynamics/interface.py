@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -90,13 +91,14 @@ class LinearDynamics:
 
     @property
     def moves_by_transition(self) -> bool:
-        """Whether `propagate` is the multiplication; in a class derived from this one it may be something else."""
-        return type(self).propagate is LinearDynamics.propagate
+        """Whether `propagate` is the multiplication; a derived class, or one object, may have something else there."""
+        return is_still(self.propagate, LinearDynamics.propagate)
 
     def known_steps(self, first_epoch: int, count: int) -> tuple[Array, Array] | None:
-        """Return F and Q of steps, (count or 1, n, n) each; None where a derived class has others of its own."""
-        own, base = type(self), LinearDynamics
-        if (own.propagate, own.transition, own.process_noise) != (base.propagate, base.transition, base.process_noise):
+        """Return F and Q of steps, (count or 1, n, n) each; None where a derived class or an object has its own."""
+        own = (self.propagate, self.transition, self.process_noise)
+        base = (LinearDynamics.propagate, LinearDynamics.transition, LinearDynamics.process_noise)
+        if not all(map(is_still, own, base)):
             return None
         self.check_extent(1, first_epoch + count)
         epochs = slice(first_epoch, first_epoch + count)
@@ -124,6 +126,14 @@ class LinearDynamics:
     def process_noise(self, states: Array, step: Step) -> Array:
         """Return Q of this epoch, (n, n)."""
         return _of_epoch(self._Q, "process_noise", step)
+
+
+def is_still(bound: Any, function: Callable[..., Any]) -> bool:
+    """Return whether what a name of an object stands for is this function of its class, and not another one.
+
+    A derived class may have another, and so may the object alone, where one is assigned to it.
+    """
+    return getattr(bound, "__func__", None) is function
 
 
 def linear_images(F: Array, states: Array) -> Array:

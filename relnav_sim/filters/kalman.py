@@ -114,8 +114,8 @@ class GaussianFilter:
     ) -> int | None:
         """Do what a class whose `correct` is there as a compiled update says as ``compiled_epochs``.
 
-        Not where anything of that class is replaced in the class of this filter, by itself or by another of its bases:
-        whatever it is, a step may go through it.
+        Not where anything of that class is replaced in the class of this filter, by itself or by another of its bases,
+        or in this filter alone: whatever it is, a step may go through it.
 
         Args:
             of: The class whose update it is.
@@ -127,10 +127,10 @@ class GaussianFilter:
         Returns:
             For how many epochs it was done; None: it can't be for any.
         """
-        own: type = type(self)
+        as_it_is = _goes_as(type(self), of) and _functions(of).isdisjoint(vars(self))
         known = getattr(self.dynamics, "known_steps", None)
         filtered = getattr(self.measurement, "filtered", None)
-        if self._single or self._considered or known is None or filtered is None or not _goes_as(own, of):
+        if self._single or self._considered or known is None or filtered is None or not as_it_is:
             return None
         F_and_Q = known(first_epoch, len(stretch.z))
         return None if F_and_Q is None else filtered(belief.mean, belief.covariance, *F_and_Q, update, stretch)
@@ -148,6 +148,12 @@ def _goes_as(kind: type, base: type) -> bool:
     """
     names = {name for name in dir(base) if not name.startswith("__")} - {"compiled_epochs"}
     return all(names.isdisjoint(vars(added)) for added in kind.__mro__ if added not in base.__mro__)
+
+
+@lru_cache(maxsize=64)
+def _functions(kind: type) -> frozenset[str]:
+    """Names of the functions of a class."""
+    return frozenset(name for name in dir(kind) if callable(getattr(kind, name)))
 
 
 def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tuple[Gaussian, Innovation]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -152,11 +152,18 @@ def depth(kind: type, name: str) -> int:
     return next(depth for depth, base in enumerate(kind.__mro__) if name in vars(base))
 
 
+@lru_cache(maxsize=256)
+def _parts(kind: type, whole: str) -> frozenset[str]:
+    """Return what counts as a part of what a class does in one go: such parts, or private ones of who says it."""
+    says = kind.__mro__[depth(kind, whole)]
+    private = [name for name in dir(says) if name.startswith("_") and not name.startswith("__")]
+    return frozenset([*_PARTS[whole], *private])
+
+
 def _is_replaced(kind: type, whole: str) -> bool:
-    """Return whether a class has parts of its own of what a base does in one go: such parts, or private ones of it."""
+    """Return whether a class has parts of its own of what a base does in one go."""
     said = depth(kind, whole)
-    private = [name for name in dir(kind.__mro__[said]) if name.startswith("_") and not name.startswith("__")]
-    return any(depth(kind, part) < said for part in (*_PARTS[whole], *private))
+    return any(depth(kind, part) < said for part in _parts(kind, whole))
 
 
 @lru_cache(maxsize=64)
@@ -190,6 +197,17 @@ class MeasurementDefaults:
         for whole in _PARTS:
             if _is_replaced(cls, whole):
                 setattr(cls, whole, getattr(MeasurementDefaults, whole))
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Let the same follow where it is one measurement that is given another part, as by `radar.noise = f`.
+
+        Angles that its class leaves open are not others when they are first given.
+        """
+        is_other = name != "angles" or name in vars(self) or type(self).angles is not MeasurementDefaults.angles
+        super().__setattr__(name, value)
+        for whole in _PARTS if is_other else ():
+            if name in _parts(type(self), whole) and whole not in vars(self):
+                super().__setattr__(whole, partial(getattr(MeasurementDefaults, whole), self))
 
     def take(self, z: Array, first_epoch: int) -> Array:
         """Return the measurements (runs, K, m) of the epochs from `first_epoch` on as they are to be filtered.

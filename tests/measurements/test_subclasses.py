@@ -1,6 +1,8 @@
 """A class that changes one part of a measurement is believed in all that filters ask of it."""
 
+import pickle
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -115,3 +117,90 @@ def test_a_class_that_says_more_keeps_what_it_says():
         radar = kind(np.eye(3), NOISE)
         assert (radar.linearised(np.ones((2, 3)), np.ones((2, 6)), 0)[0] == 0).all()
     assert Heir.linearised is Told.linearised
+
+
+def given(base, name, value):
+    """Return a measurement of which one part is replaced in that object alone."""
+    measurement = MADE[base](base)
+    setattr(measurement, name, value(measurement))
+    return measurement
+
+
+ASSIGNED = {
+    "predict": lambda own: partial(plus, own.predict, np.array([50.0, 0.0, 0.0])),
+    "jacobian": lambda own: partial(times, 2, own.jacobian),
+    "noise": lambda own: partial(times, 100, own.noise),
+    "residual": lambda own: partial(times, -1, own.residual),
+}
+
+
+def plus(function, what, *arguments):
+    return function(*arguments) + what
+
+
+def times(factor, function, *arguments):
+    return factor * function(*arguments)
+
+
+@pytest.mark.parametrize(("kind", "options"), [("ekf", {}), ("alpha_kf", SAMPLING)])
+@pytest.mark.parametrize("name", ASSIGNED)
+@pytest.mark.parametrize("base", MADE)
+@pytest.mark.parametrize("sent", [False, True])
+def test_a_part_assigned_to_one_measurement_is_as_one_of_its_class(kind, options, name, base, sent):
+    changed, z = given(base, name, ASSIGNED[name]), np.tile(READING[base], (1, 3, 1))
+    changed = pickle.loads(pickle.dumps(changed)) if sent else changed
+    found = estimate(kind, options, changed, z)
+    np.testing.assert_allclose(found, estimate(kind, options, Parts(changed), z), rtol=1e-9, atol=1e-9)
+    if kind == "ekf":
+        assert np.abs(found - estimate(kind, options, MADE[base](base), z)).max() > 1e-3
+
+
+def test_angles_and_private_functions_assigned_to_one_measurement_count(monkeypatch):
+    radar, state = MADE[SphericalRadar](SphericalRadar), MEAN0[None]
+    z = radar.predict(state, 0) + np.array([0.0, 2 * np.pi, 0.0])
+    radar.angles = ()
+    assert radar.linearised(z, state, 0)[0][0, 1] == pytest.approx(2 * np.pi)
+    monkeypatch.setitem(globals(), "NOISE", replace(NOISE, attitude=1e-6 * np.eye(3)))
+    z = np.tile(READING[SphericalRadar], (1, 3, 1))
+    within = given(SphericalRadar, "_covariance", lambda own: partial(times, 100, own._covariance))
+    noisy = given(SphericalRadar, "noise", ASSIGNED["noise"])
+    expected = estimate("ekf", {}, noisy, z)
+    np.testing.assert_allclose(estimate("ekf", {}, within, z), expected, rtol=1e-9, atol=1e-9)
+    assert np.abs(expected - estimate("ekf", {}, MADE[SphericalRadar](SphericalRadar), z)).max() > 1e-3
+
+
+@pytest.mark.parametrize("name", ["propagate", "transition", "process_noise"])
+def test_a_part_assigned_to_linear_dynamics_counts(name):
+    class Derived(LinearDynamics):
+        pass
+
+    dynamics = LinearDynamics(np.eye(6), 1e-3 * np.eye(6))
+    other = partial(times, 1.01, getattr(dynamics, name))
+    setattr(Derived, name, lambda self, *arguments: other(*arguments))
+    setattr(dynamics, name, other)
+    z, radar = np.tile(READING[SphericalRadar], (1, 3, 1)), MADE[SphericalRadar](SphericalRadar)
+    flown = [
+        run_filter(create_filter("ekf", each, radar), z, MEAN0, COV0).mean
+        for each in (dynamics, Derived(np.eye(6), 1e-3 * np.eye(6)), LinearDynamics(np.eye(6), 1e-3 * np.eye(6)))
+    ]
+    np.testing.assert_array_equal(flown[0], flown[1])
+    assert np.abs(flown[0] - flown[2]).max() > 1e-6
+
+
+@pytest.mark.parametrize("name", ["predict", "correct", "update"])
+def test_a_function_assigned_to_one_filter_is_called(name):
+    def made():
+        return create_filter("ekf", LinearDynamics(np.eye(6), 1e-3 * np.eye(6)), MADE[SphericalRadar](SphericalRadar))
+
+    calls = []
+
+    def counted(*arguments, **by_name):
+        calls.append(name)
+        return own(*arguments, **by_name)
+
+    changed, z = made(), np.tile(READING[SphericalRadar], (1, 3, 1))
+    own = getattr(changed, name)
+    setattr(changed, name, counted)
+    found = run_filter(changed, z, MEAN0, COV0)
+    assert len(calls) >= 2
+    np.testing.assert_array_equal(found.mean, run_filter(made(), z, MEAN0, COV0).mean)
