@@ -132,7 +132,7 @@ class FilterEntry(Options):
 
 def entry_from(data: dict[str, Any]) -> FilterEntry:
     """Return a filter's entry from plain data, as `FilterEntry.model_dump(mode="json")` gives it."""
-    return entry_adapter().validate_json(json.dumps(data), strict=True)
+    return entry_adapter(str(data.get("kind"))).validate_json(json.dumps(data), strict=True)
 
 
 def registered() -> Registered:
@@ -140,9 +140,9 @@ def registered() -> Registered:
     return tuple(filter_kinds().values()), tuple(dynamics_kinds().items()), tuple(sensor_kinds().items())
 
 
-def entry_adapter() -> TypeAdapter[FilterEntry]:
-    """Return the validator of one filter entry over every kind registered now."""
-    return _entry_adapter(registered())
+def entry_adapter(kind: str) -> TypeAdapter[FilterEntry]:
+    """Return the validator of a filter entry of a kind; over every kind registered now where there is no such kind."""
+    return _entry_adapter(registered(), kind if kind in filter_kinds() else None)
 
 
 def entry_type() -> Any:
@@ -151,18 +151,21 @@ def entry_type() -> Any:
 
 
 @functools.cache
-def _entry_adapter(known: Registered) -> TypeAdapter[FilterEntry]:
-    return TypeAdapter(_entry_type(known))
+def _entry_adapter(known: Registered, kind: str | None) -> TypeAdapter[FilterEntry]:
+    # The models of all kinds take a third of a second to make, and serve to say what is wrong.
+    return TypeAdapter(_entry_type(known) if kind is None else _entry_model(known, kind))
 
 
 @functools.cache
 def _entry_type(known: Registered) -> Any:
+    return one_of([_entry_model(known, kind.name) for kind in known[0]])
+
+
+@functools.cache
+def _entry_model(known: Registered, name: str) -> type[FilterEntry]:
     kinds, dynamics, _ = known
-    motion = one_of([model for _, model in dynamics])
-    return one_of([_entry_model(kind, motion) for kind in kinds])
-
-
-def _entry_model(kind: FilterKind, motion: Any) -> type[FilterEntry]:
+    kind = next(kind for kind in kinds if kind.name == name)
+    motion: Any = one_of([model for _, model in dynamics])
     shared = FilterEntry.model_fields
     clash = sorted(shared.keys() & kind.options_model.model_fields.keys())
     if clash:

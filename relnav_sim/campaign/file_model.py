@@ -177,13 +177,13 @@ def _adapter(section: str) -> TypeAdapter[Any]:
 
 
 def _adapter_of(path: Path, data: Any) -> TypeAdapter[Any]:
+    kind = str(data.get("kind")) if isinstance(data, dict) else ""
     if path[0] == "filters":
-        return entry_adapter()
+        return entry_adapter(kind)
     if path[0] != "sensors":
         return _adapter(str(path[0]))
-    kind = sensor_kinds().get(str(data.get("kind"))) if isinstance(data, dict) else None
     # The model of a known kind is at hand; that of all kinds has to be made, and serves to say what is wrong.
-    return sensor_adapter() if kind is None else TypeAdapter(kind)
+    return TypeAdapter(sensor_kinds()[kind]) if kind in sensor_kinds() else sensor_adapter()
 
 
 def spelt_now(path: Path, data: Any) -> Any:

@@ -7,6 +7,7 @@ campaigns did not have at first (`AddedLater`). Reading goes from former to pres
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import PurePath
 from typing import Any, get_args
 
@@ -43,9 +44,8 @@ def former_spelling(model: type[Options], data: Mapping[str, Any]) -> dict[str, 
         if field is not None and _outside_hashes(field, value, data):
             continue
         words = model.former_words.get(key, {})
-        inner = [] if field is None else _models_in(field.annotation)
         first[model.former_keys.get(key, key)] = (
-            words.get(value, value) if isinstance(value, str) else _inner(value, inner)
+            words.get(value, value) if isinstance(value, str) else _inner(value, _models_of(model, key))
         )
     return first
 
@@ -72,6 +72,13 @@ def _inner(value: Any, models: Sequence[type[Options]]) -> Any:
         return value
     fitting = [model for model in models if "kind" not in value or value["kind"] == model.model_fields["kind"].default]
     return former_spelling(fitting[0], value) if len(fitting) == 1 else value
+
+
+@cache
+def _models_of(model: type[Options], key: str) -> list[type[Options]]:
+    """Return the options models that the values of a key are made of."""
+    field = model.model_fields.get(key)
+    return [] if field is None else _models_in(field.annotation)
 
 
 def _models_in(annotation: Any) -> list[type[Options]]:

@@ -81,14 +81,14 @@ def _with_stress_rows(campaign: Campaign) -> list[tuple[str, str]]:
 
 def check_tuning(campaign: Campaign) -> None:
     """Refuse a `tune:` section that names what is not there, every mistake with its line."""
+    tune = campaign.tune
+    if tune is None:
+        return
     from relnav_sim.campaign import CampaignError
     from relnav_sim.campaign.load import located
     from relnav_sim.campaign.problems import Problem
     from relnav_sim.tuning.scalars import TuningError, free_scalars
 
-    tune = campaign.tune
-    if tune is None:
-        return
     problems = []
     for text, bounds in tune.free.items():
         try:

@@ -72,5 +72,8 @@ def _prepared(parent: int) -> None:
     """Make this process end with its parent, and not when it holds 300 MB more than at its start."""
     from joblib.externals.loky import process_executor
 
+    from relnav_sim.kernels.code_folder import hush
+
+    hush()  # the parent calls the same kernels, and says it if they can't be kept
     end_with_parent(parent)
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize  # Loky takes what a case needs for a leak; it has no option

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from relnav_sim import load_campaign, run_campaign
 from relnav_sim.cli.app import app
 
-SEQUENTIAL = ("run", "small.yaml", "--backend", "sequential")
+SEQUENTIAL = ("run", "small.yaml", "--backend", "sequential", "--set", "bound=false")
 
 
 def run_with_largest_file(relnav, size, *arguments):
@@ -34,7 +34,7 @@ def run_with_largest_file(relnav, size, *arguments):
 def computed(tmp_path_factory):
     """The folder `results` of the whole campaign."""
     here = Relnav(tmp_path_factory.mktemp("computed"))
-    run_campaign(load_campaign(here.folder / "small.yaml"), here.out, backend="sequential")
+    run_campaign(load_campaign(here.folder / "small.yaml", ["bound=false"]), here.out, backend="sequential")
     return here.out.parent
 
 
@@ -60,7 +60,7 @@ def test_a_full_disk(relnav, reference, options):
         assert stderr.rstrip().endswith(": File too large")
         assert not here.out.exists() and not list(here.out.parent.rglob("*.tmp"))
     assert len(list(here.shards.glob("*.h5"))) == 4, "every block was finished; only the result did not fit"
-    run_campaign(load_campaign(here.folder / "small.yaml"), here.out, backend="sequential")
+    run_campaign(load_campaign(here.folder / "small.yaml", ["bound=false"]), here.out, backend="sequential")
     assert_same_bits(reference.out, here.out)
 
 

@@ -1,5 +1,6 @@
 """Where a result came from is told, and never guessed."""
 
+import os
 import subprocess
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
@@ -28,6 +29,11 @@ def test_revision_of_a_work_tree(tmp_path: Path) -> None:
     _git(tmp_path, "commit", "-m", "one")
     commit, dirty = source_revision(package)
     assert len(commit) == 40 and dirty == 0
+    # Git would write its index anew, and leave a lock where the disk is full.
+    index = tmp_path / ".git" / "index"
+    before = index.read_bytes()
+    os.utime(package / "__init__.py", (1e9, 1e9))
+    assert source_revision(package) == (commit, 0) and index.read_bytes() == before
     (tmp_path / "notes.txt").write_text("outside the package")
     assert source_revision(package) == (commit, 0)
     (package / "__init__.py").write_text("x = 1\n")
