@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import pickle
 import re
@@ -17,7 +16,7 @@ import numpy as np
 
 from relnav_sim.kernels import CompilerError
 from relnav_sim.kernels.code_folder import alone, is_kept, keep_code, name_of_code, read_code, warn_not_kept
-from relnav_sim.kernels.compiling import PARTS, Instruction, Kind, in_terms_of, names_in
+from relnav_sim.kernels.compiling import PARTS, Instruction, Kind, in_terms_of, names_in, no_search_for_garbage
 
 
 def _numba() -> ModuleType:
@@ -55,25 +54,14 @@ def compiled(function: Callable[..., Any], arguments: tuple[Kind, ...], wide: bo
     if numba.config.DISABLE_JIT:
         return function
     name = name_of_code(function)
-    kernel = _jit(function, **_where_known(pipeline_class=_WideKernelCompiler if wide else _KernelCompiler))
+    compiler = _WideKernelCompiler if wide else _KernelCompiler
+    kernel = _jit(function, **_where_known(pipeline_class=compiler, no_cfunc_wrapper=True))  # C calls none of them
     if not numba.config.USING_SVML:
         kernel._cache = _Kept(name)
-    with nullcontext() if is_kept(name) else alone(name), _no_search_for_garbage(), _no_type_asked_twice():
+    with nullcontext() if is_kept(name) else alone(name), no_search_for_garbage(), _no_type_asked_twice():
         kernel.compile(tuple(kind(numba.types) for kind in arguments))
     kernel.disable_compile()
     return kernel
-
-
-@contextmanager
-def _no_search_for_garbage() -> Iterator[None]:
-    """Spare the tenth of the time of compiling in which Python goes through the compiler's trees, which are in use."""
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()
 
 
 @contextmanager

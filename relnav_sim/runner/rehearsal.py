@@ -36,7 +36,7 @@ from relnav_sim.kernels.code_folder import (
     say_compiling,
     tell,
 )
-from relnav_sim.kernels.compiling import compile_kernel, interpreted
+from relnav_sim.kernels.compiling import compile_kernel, interpreted, no_search_for_garbage
 from relnav_sim.kernels.shares import shares
 from relnav_sim.runner.bound_task import BoundTask, Task
 from relnav_sim.runner.work import with_filters
@@ -220,11 +220,12 @@ def compile_ahead(tasks: Sequence[Task], place: int) -> None:
     own = set(kernel_names())
     both = shares([name for name in called if name in own])  # one of another package is left to its user
     names = [*both[place], *reversed(both[1 - place])]
-    for is_at_it in (is_being_compiled, lambda name: False):  # at last wait for what the other one has begun
-        for name in names:
-            if not is_kept(name) and not is_at_it(name):
-                with suppress(Exception):
-                    compile_kernel(name)
+    with no_search_for_garbage():
+        for is_at_it in (is_being_compiled, lambda name: False):  # at last wait for what the other one has begun
+            for name in names:
+                if not is_kept(name) and not is_at_it(name):
+                    with suppress(Exception):
+                        compile_kernel(name)
 
 
 def _be_silent() -> None:
