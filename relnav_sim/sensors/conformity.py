@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterator
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -70,23 +69,12 @@ def complaints(name: str, sensors: Sensors, step_s: float) -> Iterator[str]:
         step_s: Time between epochs, s.
     """
     options = sensors[name]
-    try:
-        hash(options)
-    except TypeError:  # a field may be a dictionary
-        trial = _tried.__wrapped__
-    else:
-        trial = _tried  # campaigns of one process often have the same sensors
-    yield from trial(name, options, hosts_of(sensors, options)[0], step_s)
-
-
-@lru_cache(maxsize=256)
-def _tried(name: str, options: SensorOptions, host: Craft, step_s: float) -> list[str]:
     found: list[str] = []
     with Containment() as contained:  # it may be another package's
-        found += _readings(name, options, host, step_s)
+        found += _readings(name, options, hosts_of(sensors, options)[0], step_s)
+    yield from found
     if contained.error is not None:
-        found.append(f"the {options.kind} sensor raises {message_of(contained.error)}")
-    return found
+        yield f"the {options.kind} sensor raises {message_of(contained.error)}"
 
 
 def _readings(name: str, options: SensorOptions, host: Craft, step_s: float) -> Iterator[str]:
