@@ -127,7 +127,8 @@ class GaussianFilter:
         Returns:
             For how many epochs it was done; None: it can't be for any.
         """
-        as_it_is = _goes_as(type(self), of) and _functions(of).isdisjoint(vars(self))
+        own: type = type(self)
+        as_it_is = _goes_as(own, of) and _functions(of).isdisjoint(vars(self))
         known = getattr(self.dynamics, "known_steps", None)
         filtered = getattr(self.measurement, "filtered", None)
         if self._single or self._considered or known is None or filtered is None or not as_it_is:

@@ -203,10 +203,11 @@ class MeasurementDefaults:
 
         Angles that its class leaves open are not others when they are first given.
         """
+        own: type = type(self)
         is_other = name != "angles" or name in vars(self) or type(self).angles is not MeasurementDefaults.angles
         super().__setattr__(name, value)
         for whole in _PARTS if is_other else ():
-            if name in _parts(type(self), whole) and whole not in vars(self):
+            if name in _parts(own, whole) and whole not in vars(self):
                 super().__setattr__(whole, partial(getattr(MeasurementDefaults, whole), self))
 
     def take(self, z: Array, first_epoch: int) -> Array:
