@@ -23,7 +23,7 @@ def generator(seed: int, run: int, name: str) -> np.random.Generator:
         name: The stream's name, for example ``sensor.radar.noise``; hashed to a fixed 32-bit word.
     """
     word = zlib.crc32(name.encode())
-    if 0 <= min(seed, run) <= max(seed, run) < 2**32:
+    if type(seed) is type(run) is int and 0 <= min(seed, run) <= max(seed, run) < 2**32:
         # The words that SeedSequence(seed, spawn_key=(run, word)) would put together, which takes it four times longer.
         entropy = np.array([seed, 0, 0, 0, run, word], dtype=np.uint32)
         return np.random.default_rng(np.random.SeedSequence(entropy))

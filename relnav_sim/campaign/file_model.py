@@ -195,7 +195,8 @@ def spelt_now(path: Path, data: Any) -> Any:
     kinds = sensor_kinds()
     if "kind" not in data and path[1] in kinds:
         data = {"kind": path[1], **data}
-    return present_spelling(kinds.get(data.get("kind"), Options), data)
+    kind = data.get("kind")
+    return present_spelling(kinds.get(kind, Options) if isinstance(kind, str) else Options, data)
 
 
 def sensors_from(section: Mapping[str, Any]) -> dict[str, SensorOptions]:

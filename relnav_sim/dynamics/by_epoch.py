@@ -57,7 +57,7 @@ class LinearByEpoch:
     @property
     def moves_by_transition(self) -> bool:
         """Whether `propagate` is the multiplication; a derived class, or one object, may have something else there."""
-        return is_still(self.propagate, LinearByEpoch.propagate)
+        return is_still(self, LinearByEpoch.propagate)
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return F x for every state, (runs, ..., n)."""
@@ -74,9 +74,8 @@ class LinearByEpoch:
 
     def known_steps(self, first_epoch: int, count: int) -> tuple[Array, Array] | None:
         """Return F (count, n, n) and Q (1, n, n) of steps; None where a derived class or an object has its own."""
-        own = (self.propagate, self.transition, self.process_noise)
-        base = (LinearByEpoch.propagate, LinearByEpoch.transition, LinearByEpoch.process_noise)
-        if not all(map(is_still, own, base)):
+        base = LinearByEpoch
+        if not is_still(self, base.propagate, base.transition, base.process_noise):
             return None
         chunks = map(self._chunks.at, range(first_epoch, first_epoch + count))
         return np.stack([matrices[place] for matrices, place in chunks]), self._Q[None]

@@ -92,13 +92,12 @@ class LinearDynamics:
     @property
     def moves_by_transition(self) -> bool:
         """Whether `propagate` is the multiplication; a derived class, or one object, may have something else there."""
-        return is_still(self.propagate, LinearDynamics.propagate)
+        return is_still(self, LinearDynamics.propagate)
 
     def known_steps(self, first_epoch: int, count: int) -> tuple[Array, Array] | None:
         """Return F and Q of steps, (count or 1, n, n) each; None where a derived class or an object has its own."""
-        own = (self.propagate, self.transition, self.process_noise)
-        base = (LinearDynamics.propagate, LinearDynamics.transition, LinearDynamics.process_noise)
-        if not all(map(is_still, own, base)):
+        base = LinearDynamics
+        if not is_still(self, base.propagate, base.transition, base.process_noise):
             return None
         self.check_extent(1, first_epoch + count)
         epochs = slice(first_epoch, first_epoch + count)
@@ -128,12 +127,17 @@ class LinearDynamics:
         return _of_epoch(self._Q, "process_noise", step)
 
 
-def is_still(bound: Any, function: Callable[..., Any]) -> bool:
-    """Return whether what a name of an object stands for is this function of its class, and not another one.
+def is_still(owner: Any, *functions: Callable[..., Any]) -> bool:
+    """Return whether an object has these functions of a class, and no others by their names.
 
-    A derived class may have another, and so may the object alone, where one is assigned to it.
+    A derived class may have others, and so may the object alone, where one is assigned to it: that of a second object
+    of the same class, too.
     """
-    return getattr(bound, "__func__", None) is function
+    bound = [getattr(owner, function.__name__) for function in functions]
+    return all(
+        getattr(each, "__func__", None) is function and each.__self__ is owner
+        for each, function in zip(bound, functions, strict=True)
+    )
 
 
 def linear_images(F: Array, states: Array) -> Array:

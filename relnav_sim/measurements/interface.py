@@ -210,6 +210,16 @@ class MeasurementDefaults:
             if name in _parts(own, whole) and whole not in vars(self):
                 super().__setattr__(whole, partial(getattr(MeasurementDefaults, whole), self))
 
+    def __copy__(self) -> MeasurementDefaults:
+        """Return a copy that follows from its own parts, where what is done in one go follows from parts assigned."""
+        copied = object.__new__(type(self))
+        vars(copied).update(vars(self))
+        for whole in _PARTS:
+            follows = vars(self).get(whole)
+            if isinstance(follows, partial) and follows.args == (self,):
+                vars(copied)[whole] = partial(follows.func, copied)
+        return copied
+
     def take(self, z: Array, first_epoch: int) -> Array:
         """Return the measurements (runs, K, m) of the epochs from `first_epoch` on as they are to be filtered.
 

@@ -101,6 +101,15 @@ class PartialMeasurement(MeasurementDefaults):
             raise AttributeError(name)  # while it is unpickled
         return getattr(self.complete, name)
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Give a function that absent channels change to the base, which is as if it had had it from the first."""
+        if name not in _MASKED:
+            super().__setattr__(name, value)
+            return
+        setattr(self.complete, name, value)
+        if self.present is None:
+            self._stand_aside()
+
     def attend(self, present: Mask | None) -> None:
         """Count the channels (runs, m) as present and the others as absent; None: all are present."""
         before, self.present = self.present, present

@@ -37,7 +37,7 @@ def create(group: h5py.Group, name: str, dtype: np.dtype[Any], shape: Sequence[i
 def write(dataset: h5d.DatasetID, values: NDArray[Any], first: int = 0) -> None:
     """Write as many rows of a dataset as there are values, from the first on."""
     _, in_memory = _types(values.dtype)
-    values = np.ascontiguousarray(values)
+    values = np.asarray(values, order="C")
     if values.shape == dataset.shape:
         dataset.write(h5s.ALL, h5s.ALL, values, in_memory)
         return

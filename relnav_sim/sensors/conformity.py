@@ -16,7 +16,6 @@ from relnav_sim.printable import message_of
 from relnav_sim.sensors.campaign_sensors import Sensors, hosts_of
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import Craft, MeasurementContext, RelativeSensorOptions, Sensed, SensorOptions
-from relnav_sim.sensors.registry import is_built_in
 from relnav_sim.sensors.suite import streams_of
 from relnav_sim.streams import RandomSource
 
@@ -25,11 +24,7 @@ _ORBIT = ChiefOrbit(7.0e6, 0.0, 0.0, 0.0, 0.0, 0.0, 3.986004418e14, 6378137.0, 0
 
 
 class TriedSensors:
-    """Tries the sensors of many cases: each once, and of those that differ in their numbers alone the first few.
-
-    Those of other packages: relnav's own keep to the protocol, which its tests see to, and trying costs a third of the
-    time that it takes to read a campaign.
-    """
+    """Tries the sensors of many cases: each once, and of those that differ in their numbers alone the first few."""
 
     MOST_ALIKE = 50
 
@@ -40,8 +35,6 @@ class TriedSensors:
     def complaints(self, name: str, sensors: Sensors, step_s: float) -> list[str]:
         """Return what a sensor does not keep to, see `complaints`; nothing where enough like it have been tried."""
         options = sensors[name]
-        if is_built_in(options.kind):
-            return []
         key = (name, id(options), hosts_of(sensors, options)[0], step_s)
         if key not in self._found:
             shape = json.dumps([name, key[2], _without_numbers(options.model_dump(mode="json"))])

@@ -74,11 +74,6 @@ def _load_all() -> None:
     load_plugins(_KINDS, (f"relnav_sim.sensors.{module}" for module in _BUILT_IN), "relnav.sensors")
 
 
-def is_built_in(kind: str) -> bool:
-    """Return whether a kind of sensor is relnav's own."""
-    return kind in _BUILT_IN
-
-
 def sensor_kinds() -> dict[str, type[SensorOptions]]:
     """Return the options model of every registered sensor by its kind; relnav's own come first."""
     _load_all()

@@ -1,5 +1,6 @@
 import json
 import time
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -245,3 +246,10 @@ def test_any_data_is_a_campaign_or_refused_in_sentences(data):
         parse_campaign(json.dumps(data))
     except CampaignError as error:
         assert all(problem.startswith("campaign:") for problem in error.problems)
+
+
+@pytest.mark.parametrize("kind", ["[]", "{}", "1", "null"])
+def test_a_kind_that_is_no_text_is_refused_in_a_sentence(kind):
+    text = (Path(__file__).parents[2] / "campaigns" / "demo.yaml").read_text(encoding="utf-8")
+    with pytest.raises(CampaignError, match=r"sensors\.odd\.kind: there is no kind"):
+        parse_campaign(text, [f"sensors.odd={{kind: {kind}}}"])

@@ -1,5 +1,6 @@
 """A class that changes one part of a measurement is believed in all that filters ask of it."""
 
+import copy
 import pickle
 from dataclasses import replace
 from functools import partial
@@ -204,3 +205,36 @@ def test_a_function_assigned_to_one_filter_is_called(name):
     found = run_filter(changed, z, MEAN0, COV0)
     assert len(calls) >= 2
     np.testing.assert_array_equal(found.mean, run_filter(made(), z, MEAN0, COV0).mean)
+
+
+def test_a_function_of_another_dynamics_object_counts():
+    z, radar, Q = np.tile(READING[SphericalRadar], (1, 3, 1)), MADE[SphericalRadar](SphericalRadar), 1e-3 * np.eye(6)
+    other = LinearDynamics(1.01 * np.eye(6), Q)
+    changed = LinearDynamics(np.eye(6), Q)
+    changed.propagate = other.propagate
+    wrapped = LinearDynamics(np.eye(6), Q)
+    wrapped.propagate = lambda states, step: other.propagate(states, step)
+    found, expected = (
+        run_filter(create_filter("ekf", each, radar), z, MEAN0, COV0).mean for each in (changed, wrapped)
+    )
+    np.testing.assert_array_equal(found, expected)
+    assert not changed.moves_by_transition and changed.known_steps(0, 2) is None
+
+
+@pytest.mark.parametrize("name", ASSIGNED)
+@pytest.mark.parametrize(("kind", "options"), [("ekf", {}), ("alpha_kf", SAMPLING)])
+def test_a_part_assigned_to_the_measurement_of_a_filter_counts(kind, options, name):
+    z, Q = np.tile(READING[SphericalRadar], (1, 3, 1)), 1e-3 * np.eye(6)
+    filter = create_filter(kind, LinearDynamics(np.eye(6), Q), MADE[SphericalRadar](SphericalRadar), **options)
+    setattr(filter.measurement, name, ASSIGNED[name](MADE[SphericalRadar](SphericalRadar)))
+    expected = estimate(kind, options, given(SphericalRadar, name, ASSIGNED[name]), z)
+    np.testing.assert_allclose(run_filter(filter, z, MEAN0, COV0).mean, expected, rtol=1e-12)
+
+
+def test_a_copy_follows_from_its_own_parts():
+    radar, state = MADE[SphericalRadar](SphericalRadar), MEAN0[None]
+    radar.noise = lambda mean, epoch: 5 * np.eye(3)
+    other = copy.copy(radar)
+    other.noise = lambda mean, epoch: 7 * np.eye(3)
+    z = radar.predict(state, 0)
+    assert radar.linearised(z, state, 0)[2][0, 0] == 5 and other.linearised(z, state, 0)[2][0, 0] == 7
