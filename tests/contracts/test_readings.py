@@ -44,7 +44,7 @@ every_causal_way = each_of(CAUSAL_WAYS)
 
 
 def build(kind, dynamics, measurement, **options):
-    fewer = {"skf": {"samples": 64, "iterations": 5}, "gaussian_sum": {"components": 2}}.get(kind, {})
+    fewer = {"skf": {"samples": 64}, "gaussian_sum": {"components": 2}}.get(kind, {})
     return create_filter(kind, dynamics, measurement, **{**small_options(kind), **fewer, **options})
 
 
@@ -158,7 +158,7 @@ def linear():
     F = np.eye(4) + 0.1 * rng.standard_normal((4, 4))
     F /= 1.05 * np.abs(np.linalg.eigvals(F)).max()
     H, R = rng.standard_normal((3, 4)), np.diag([1.0, 0.5, 2.0])
-    runs, epochs = 40, 20
+    runs, epochs = 40, 13
     x, z = rng.standard_normal((runs, 4)), np.empty((runs, epochs, 3))
     for k in range(epochs):
         x = x @ F.T + np.sqrt(0.05) * rng.standard_normal((runs, 4))
@@ -255,7 +255,7 @@ def test_same_bits_of_several_sensors_whatever_the_block(kind, options, noise):
 
 
 @pytest.mark.parametrize("noise", ["one switch", "switch by channel"])
-@pytest.mark.parametrize("kind, options, epochs", [("imm", {}, 20), ("gaussian_sum", {"components": 16}, 1)])
+@pytest.mark.parametrize("kind, options, epochs", [("imm", {}, 13), ("gaussian_sum", {"components": 16}, 1)])
 def test_mixtures_one_after_the_other_are_all_at_once(kind, options, epochs, noise):
     """Exact for the bank of models, and for the Gaussian sum until it has to merge."""
     dynamics, z = linear()[0], linear()[3][:, :epochs]

@@ -1,5 +1,7 @@
 """The Kalman filter in 60 digits, with a pseudo-inverse where the innovation covariance is singular."""
 
+from functools import cache
+
 import mpmath as mp
 import numpy as np
 
@@ -9,8 +11,13 @@ ZERO = mp.mpf(10) ** -40
 
 def exact_kalman(F, Q, H, R, z, mean, covariance):
     """Return means (T, n) and covariances (T, n, n); the prior is one step before z (T, m)."""
-    F, Q, H, R, P = (mp.matrix(np.atleast_2d(A).tolist()) for A in (F, Q, H, R, covariance))
-    m = mp.matrix(np.asarray(mean, float)[:, None].tolist())
+    column = np.asarray(mean, float)[:, None]
+    return _of_numbers(*(tuple(map(tuple, np.atleast_2d(A).tolist())) for A in (F, Q, H, R, z, column, covariance)))
+
+
+@cache  # many filters are held against the same answer
+def _of_numbers(F, Q, H, R, z, mean, covariance):
+    F, Q, H, R, m, P = map(mp.matrix, (F, Q, H, R, mean, covariance))
     means, covariances = [], []
     for row in z:
         m, P = F * m, F * P * F.T + Q
@@ -21,7 +28,10 @@ def exact_kalman(F, Q, H, R, z, mean, covariance):
             if value > ZERO * max(values) and value > ZERO:
                 inverse[i, i] = 1 / value
         K = P * H.T * vectors * inverse * vectors.T
-        m, P = m + K * (mp.matrix(row[:, None].tolist()) - H * m), P - K * S * K.T
+        m, P = m + K * (mp.matrix(row) - H * m), P - K * S * K.T
         means.append([float(x) for x in m])
         covariances.append([[float(P[i, j]) for j in range(P.cols)] for i in range(P.rows)])
-    return np.array(means), np.array(covariances)
+    answer = np.array(means), np.array(covariances)
+    for array in answer:
+        array.flags.writeable = False
+    return answer

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from every_filter import small_options
 from scipy.stats import chi2
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, create_filter, run_filter
@@ -35,7 +36,6 @@ EXACT = {
     "adaptive_alpha_kf": {"scheme": "gate", "gate_scheme_probability": 1 - 1e-12},
     "skf": {"samples": 50},
 }
-SMALLER = {"samples": 200, "particles": 200}
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def test_estimated_states_are_those_of_the_augmented_kalman_filter(kind, case):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_filter_sees_nothing_but_a_larger_state(kind, case):
     """The wrapped models give what the stacked matrices give, for every filter there is."""
-    smaller = {k: v for k, v in SMALLER.items() if k in filter_kinds()[kind].options_model.model_fields}
+    smaller = small_options(kind)
     wrapped = case.run(kind, **smaller)
     stacked = create_filter(
         kind, LinearDynamics(case.transition, case.noise_matrix), LinearMeasurement(case.observed, case.R), **smaller
@@ -158,8 +158,7 @@ def test_considered_states_are_schmidt_s_filter(kind, considered, case):
 
 @pytest.mark.parametrize("kind", CONSIDERING)
 def test_considered_states_stay_as_predicted(kind, case):
-    smaller = {k: v for k, v in SMALLER.items() if k in filter_kinds()[kind].options_model.model_fields}
-    history = case.run(kind, (0, 1), **smaller)
+    history = case.run(kind, (0, 1), **small_options(kind))
     assert (history.mean[..., 4:6] == 0).all()
     variances = history.covariance[..., [4, 5], [4, 5]]
     assert np.allclose(variances, [9, 4], rtol=1e-9), "a constant and a stationary process keep their variance"
