@@ -141,8 +141,16 @@ class ReadingInformation:
         self._constant: Array | None = None
         if len(weights) == 1:
             return
+        self._apart = np.zeros((self._m, self._m))  # what channels tell that A is not about
+        for channels in self._groups():
+            shares, variances = self._marginal(channels)
+            components = variances[:, :, None] * np.eye(len(channels))
+            if set(channels) & set(directed):
+                self._turned = channels, shares, components
+            else:
+                self._apart[np.ix_(channels, channels)] = mixture_information(shares, components)
         if not directed:
-            self._constant = self._exact(np.zeros((0, 0)))
+            self._constant = self._apart
             return
         self._d = float(self._variances[:, self._directed].min())
         known = self._bounded(attitude[~np.isnan(attitude).any(axis=(1, 2))])
@@ -191,15 +199,13 @@ class ReadingInformation:
 
     def _exact(self, attitude: Array) -> Array:
         """Return the information (m, m) at one A; channels that switch alone are taken by themselves."""
-        information = np.zeros((self._m, self._m))
-        for channels in self._groups():
-            weights, variances = self._marginal(channels)
-            covariances = variances[:, :, None] * np.eye(len(channels))
-            own = [channels.index(channel) for channel in self._directed if channel in channels]
-            if own:
-                row, column = np.ix_(own, own)
-                covariances[:, row, column] += attitude
-            information[np.ix_(channels, channels)] = mixture_information(weights, covariances)
+        channels, weights, components = self._turned
+        own = [channels.index(channel) for channel in self._directed]
+        row, column = np.ix_(own, own)
+        covariances = components.copy()
+        covariances[:, row, column] += attitude
+        information = self._apart.copy()
+        information[np.ix_(channels, channels)] = mixture_information(weights, covariances)
         return information
 
     def _groups(self) -> list[list[int]]:
