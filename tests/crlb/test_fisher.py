@@ -48,14 +48,15 @@ def test_a_gaussian_has_its_inverse_covariance():
 def brute_force(weights, covariances, samples=400_000, seed=3):
     """Return E[s s^T] by random draws, and the standard error of its entries."""
     rng = np.random.default_rng(seed)
-    which = rng.choice(len(weights), p=weights, size=samples)
-    v = np.einsum("nij,nj->ni", np.linalg.cholesky(covariances)[which], rng.standard_normal((samples, 3)))
-    pulls = np.einsum("kij,nj->nki", np.linalg.inv(covariances), v)
-    logs = np.log(weights) - 0.5 * np.einsum("nki,ni->nk", pulls, v) - 0.5 * np.linalg.slogdet(covariances)[1]
-    shares = np.exp(logs - logs.max(axis=1, keepdims=True))
-    score = np.einsum("nk,nki->ni", shares / shares.sum(axis=1, keepdims=True), pulls)
-    products = score[:, :, None] * score[:, None, :]
-    return products.mean(axis=0), products.std(axis=0) / np.sqrt(samples)
+    counts = rng.multinomial(samples, weights)
+    roots = np.linalg.cholesky(covariances)
+    v = np.concatenate([L @ rng.standard_normal((3, n)) for L, n in zip(roots, counts, strict=True)], axis=1)
+    pulls = np.linalg.inv(covariances) @ v
+    logs = (np.log(weights) - 0.5 * np.linalg.slogdet(covariances)[1])[:, None] - 0.5 * (pulls * v).sum(axis=1)
+    shares = np.exp(logs - logs.max(axis=0))
+    score = (shares[:, None] * pulls).sum(axis=0) / shares.sum(axis=0)
+    mean, squares = score @ score.T / samples, np.square(score) @ np.square(score).T / samples
+    return mean, np.sqrt((squares - np.square(mean)) / samples)
 
 
 def attitude(azimuth, elevation, size=1.0):

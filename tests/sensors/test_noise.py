@@ -131,7 +131,7 @@ def test_gauss_markov_autocorrelation_from_the_first_epoch():
 
 
 def test_gauss_markov_averages_like_the_equivalent_white_noise():
-    runs, tau, step, epochs = 3000, 2.0, 0.2, 2000
+    runs, tau, step, epochs = 3000, 2.0, 0.2, 500
     v = sample([GaussMarkovNoise(tau_s=tau)], runs=runs, epochs=epochs, channels=1, step_s=step)[..., 0]
     equivalent = 1 / np.tanh(step / (2 * tau))
     means = v.mean(axis=1)

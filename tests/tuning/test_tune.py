@@ -42,8 +42,8 @@ def judged(flights, psd, r_scale):
     filter = create_filter("kf", LinearDynamics(F, Q), measurement)
     history = run_filter(filter, z, np.zeros(6), np.eye(6))
     error = (history.mean - truth)[:, 30:]
-    covariance = history.covariance[:, 30:]
-    nees = np.einsum("bki,bkij,bkj->bk", error, np.linalg.inv(covariance), error)
+    information = np.linalg.inv(history.covariance[0, 30:])  # of a linear filter, so that of all runs
+    nees = np.einsum("bki,kij,bkj->bk", error, information, error)
     rms = np.sqrt(np.square(error[..., :3]).sum(axis=2).mean(axis=1))
     return Figures(rms[None], rms[None], nees.mean(axis=1)[None] / 6, np.zeros((1, RUNS), dtype=bool))
 

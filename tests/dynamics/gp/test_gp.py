@@ -234,7 +234,7 @@ def test_phase_clock_counts_from_the_step_before_and_follows_the_true_orbit():
 
 
 def test_residual_without_base_is_taken_from_straight_motion():
-    x, rows = flight(), training_rows("random")[::3]
+    x, rows = flight(), training_rows("random")[::10]
     straight = np.eye(6) + STEP_S * np.eye(6, k=3)
     default = fit_gp_dynamics(x[rows], x[rows + 1], STEP_S, restarts=0)
     given = fit_gp_dynamics(x[rows], x[rows + 1], STEP_S, LinearDynamics(straight, np.zeros((6, 6))), restarts=0)
@@ -251,7 +251,7 @@ def test_noise_of_the_training_data_becomes_process_noise():
 
 
 def test_added_noise():
-    x, rows = flight(), training_rows("random")[::3]
+    x, rows = flight(), training_rows("random")[::10]
     added = np.diag([1.0, 1.0, 1.0, 1e-4, 1e-4, 1e-4])
     plain = fit_gp_dynamics(x[rows], x[rows + 1], STEP_S, CW, restarts=0)
     noisy = fit_gp_dynamics(x[rows], x[rows + 1], STEP_S, CW, restarts=0, added_noise=added)
