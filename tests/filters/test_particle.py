@@ -171,9 +171,9 @@ OTHERS = [{"resampling": "stratified"}, {"resampling": "residual"}, {"mcmc_steps
 def test_evidence_is_unbiased(options):
     """The evidence itself, not its logarithm, which is low by half its variance."""
     runs = 1500
-    z = linear_track(runs, 12)
+    z = linear_track(runs, 8)
     exact = run_filter(create_filter("kf", DYNAMICS, MEASUREMENT), z, np.zeros(2), P0).log_likelihood.sum(axis=1)
-    filter = create_filter("particle", DYNAMICS, MEASUREMENT, particles=500, roughening=0.0, **options)
+    filter = create_filter("particle", DYNAMICS, MEASUREMENT, particles=400, roughening=0.0, **options)
     difference = run_filter(filter, z, np.zeros(2), P0).log_likelihood.sum(axis=1) - exact
     assert difference.std() < 1
     ratio = np.exp(difference)
@@ -183,8 +183,8 @@ def test_evidence_is_unbiased(options):
 
 @pytest.mark.parametrize("roughening", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
 def test_mean_and_covariance_are_those_of_the_kalman_filter_within_monte_carlo_error(roughening):
-    runs, particles = 200, 2000
-    z = linear_track(runs, 20)
+    runs, particles = 200, 1000
+    z = linear_track(runs, 10)
     exact = run_filter(create_filter("kf", DYNAMICS, MEASUREMENT), z, np.zeros(2), P0)
     found = run_filter(
         create_filter("particle", DYNAMICS, MEASUREMENT, particles=particles, roughening=roughening), z, np.zeros(2), P0
