@@ -143,10 +143,10 @@ def _variable(text: str, values: Any, section: str, data: Any, sections: tuple[s
     values = list(values.values()) if isinstance(values, dict) else values
     replaced(data, path, values[0])
     flat = [_leaves(value, text) for value in values]
-    words = [sorted((name, _word(leaf)) for name, leaf in leaves.items()) for leaves in flat]
-    for position, value in enumerate(words):
-        if section == "grid" and value in words[:position]:
-            first = words.index(value)
+    places: dict[tuple[tuple[str, str], ...], int] = {}
+    for position, leaves in enumerate(flat):
+        first = places.setdefault(tuple(sorted((name, _word(leaf)) for name, leaf in leaves.items())), position)
+        if section == "grid" and first < position:
             which = f"{names[first]} and {names[position]}" if names else f"{first + 1} and {position + 1} of the list"
             raise PathError(f"values {which} are the same; keep one")
     made = next((path[:end] for end in range(1, len(path)) if value_at(data, path[:end]) is None), path)
