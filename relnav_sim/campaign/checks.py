@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import ceil
 
-from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.campaign.afterwards import check_afterwards, check_late, check_whole_steps
 from relnav_sim.campaign.editing_checks import check_editing
 from relnav_sim.campaign.entries import FilterEntry
@@ -20,7 +19,7 @@ from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
 from relnav_sim.sensors import ErrorShares, Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
 from relnav_sim.sensors.conformity import TriedSensors
-from relnav_sim.truth import AnyTruth, EphemerisTruthOptions, nominal_chief
+from relnav_sim.truth import AnyTruth, EphemerisTruthOptions, TruthOptions, nominal_chief
 from relnav_sim.truth.flown_orbits import flown
 from relnav_sim.truth.thrust import CRAFT
 
@@ -87,7 +86,7 @@ def check_together(parts: Parts, tried: TriedSensors) -> Iterator[Problem]:
             yield from _check_distortions(name, entry, parts.sensors)
             if truth is not None:
                 yield from _check_epoch(name, entry, truth)
-                yield from _check_training(name, entry, parts.sensors, nominal_chief(truth))
+                yield from _check_training(name, entry, parts.sensors, truth)
         if filter_kinds()[entry.kind].learned_dynamics and "training_track" not in entry.dynamics.needs:
             learned = [kind for kind, options in dynamics_kinds().items() if "training_track" in options.needs]
             yield Problem(
@@ -180,12 +179,13 @@ def _check_epoch(name: str, entry: FilterEntry, truth: AnyTruth) -> Iterator[Pro
         )
 
 
-def _check_training(name: str, entry: FilterEntry, sensors: Sensors, orbit: ChiefOrbit) -> Iterator[Problem]:
+def _check_training(name: str, entry: FilterEntry, sensors: Sensors, truth: TruthOptions) -> Iterator[Problem]:
     """Yield a problem where dynamics are to be learned from a smoothed track that no sensor gives a start for."""
     if "training_track" not in entry.dynamics.needs or any(
         each.gives_fix for each in relative_sensors(sensors).values()
     ):
         return
+    orbit = nominal_chief(truth)
     with Containment() as contained:  # it may be another package's, which fails in the results of this filter
         source = entry.dynamics.training_request(orbit).source
     if contained.error is None and source == "smoothed_radar":
