@@ -156,7 +156,9 @@ class SensorSuite:
 
 def _late(options: RelativeSensorOptions, streams: SensorStreams, epochs: int) -> Array | None:
     """Return how much later than they say measurements are taken, (runs, K or 1), s; None where they are not."""
+    if not options.time_tag_sigma_s and not options.time_tag_jitter_s:
+        return None
     constant = options.time_tag_sigma_s * streams.constant("time_tag", 1)
     if options.time_tag_jitter_s:
         return constant + options.time_tag_jitter_s * streams.normal("time_tag_jitter", epochs)
-    return constant if constant.any() else None
+    return constant
