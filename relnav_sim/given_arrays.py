@@ -118,7 +118,7 @@ def covariances(given: ArrayLike, name: str, shapes: str, leading: Sequence[Sequ
             raise ValueError(f"{name}{of} is no covariance: {fault}")
 
     variances = np.einsum("kii->ki", stack)
-    for i in range(n):
+    for i in np.flatnonzero((variances < 0).any(axis=0)):
         complain(variances[:, i] < 0, f"the variance in row {i} is negative")
     deviations = np.sqrt(variances)
     scale = deviations[:, :, None] * deviations[:, None, :]
@@ -126,9 +126,11 @@ def covariances(given: ArrayLike, name: str, shapes: str, leading: Sequence[Sequ
     complain((np.abs(stack) > (1 + rounding) * scale).any(axis=(1, 2)), "a correlation in it exceeds 1")
     exact = symmetric(stack)
     correlations = exact / np.where(scale > 0, scale, 1.0)
-    # Cholesky's factor tells for nearly all at little cost, eigenvalues for those without one.
-    doubtful = ~np.isfinite(factor(runs_last(correlations))[n - 1, n - 1])
-    if doubtful.any():
+    try:
+        np.linalg.cholesky(correlations)
+    except np.linalg.LinAlgError:
+        # Factors of their own tell for nearly all at little cost, eigenvalues for those without one.
+        doubtful = ~np.isfinite(factor(runs_last(correlations))[n - 1, n - 1])
         lowest = np.zeros(len(stack))
         lowest[doubtful] = np.linalg.eigvalsh(correlations[doubtful])[:, 0]
         complain(lowest < -rounding, "it is not positive semidefinite")
