@@ -349,9 +349,8 @@ def test_a_column_constant_up_to_rounding_is_constant(constant, target):
     def predicted(value, shift):
         now = np.column_stack([inside, np.full(60, value)])
         query = np.column_stack([queries, np.full(20, value + shift)])
-        return fit_gp_dynamics(now, after(now), 1.0, target=target, restarts=0).propagate(query[None], Step(0))[
-            0, :, :2
-        ]
+        dynamics = fit_gp_dynamics(now, after(now), 1.0, target=target, restarts=0)
+        return dynamics.propagate(query[None], Step(0))[0, :, :2]
 
     truth = after(np.column_stack([queries, np.zeros(20)]))[:, :2]
     shift = 1e-9 * max(1.0, abs(constant))
