@@ -45,9 +45,9 @@ def cost(x, mean, P, z, sigma):
 def test_estimate_is_the_maximum_of_the_posterior():
     # Noise so wide that prior and measurement both matter.
     sigma = np.array([30.0, 0.1, 0.1])
-    _, mean, P, z = wide_prior(20, sigma)
+    _, mean, P, z = wide_prior(10, sigma)
     posterior, _ = one_update("iekf", polar_radar(sigma), mean, P, z)
-    for run in range(20):
+    for run in range(10):
         best = min(
             (
                 minimize(cost, start, args=(mean[run], P[run], z[run], sigma), method="BFGS", options={"gtol": 1e-9})

@@ -356,7 +356,7 @@ def test_a_filter_that_was_not_made_by_name_takes_readings_as_a_whole():
 def test_a_window_of_innovations_has_as_many_degrees_as_channels_were_read():
     """White innovations of the right size, half of the channels missing: the factor on R stays near one."""
     rng = np.random.default_rng(5)
-    runs, epochs = 40, 400
+    runs, epochs = 40, 300
     x = np.zeros((runs, 1))
     z = np.empty((runs, epochs, 3))
     for k in range(epochs):

@@ -63,7 +63,7 @@ def test_nonlinear_update_is_the_variational_optimum(z):
         return fit + 0.5 * ((mean - m) ** 2 + np.exp(2 * log_sigma)) / P - log_sigma
 
     best = minimize(negative_bound, [m, np.log(np.sqrt(P))], tol=1e-12).x
-    runs = 100
+    runs = 40
     history = run_filter(
         create_filter(
             "skf", STILL, FunctionMeasurement(lambda x, k: h(x[..., :1]), [[R]]), iterations=200, samples=1000
