@@ -49,7 +49,7 @@ def position_error(history, truth):
 
 
 def test_start_up_from_a_prior_as_wide_as_the_range():
-    truth, z, mean0, P0, dynamics, measurement = start_up(runs=100, epochs=20)
+    truth, z, mean0, P0, dynamics, measurement = start_up(runs=100, epochs=30)
     errors = {}
     for name, kind, options in [
         ("ekf", "ekf", {}),
