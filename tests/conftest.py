@@ -28,6 +28,11 @@ def pytest_collection() -> Iterator[None]:
         gc.enable()
 
 
+def pytest_unconfigure() -> None:
+    """Leave all that is in memory to the system, which frees it at once; Python would search it for garbage first."""
+    gc.freeze()
+
+
 @pytest.fixture
 def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make a report's figures with all their words, but no pixels of them: for tests of words and tables."""

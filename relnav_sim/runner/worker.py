@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import signal
@@ -107,9 +108,12 @@ def started_apart() -> Iterator[None]:
 def _make_ready() -> None:
     """Load what tasks need, so that an environment in which that fails shows at the start and with its traceback."""
     from relnav_sim.kernels.code_folder import hush
+    from relnav_sim.kernels.compiling import no_search_for_garbage
     from relnav_sim.runner.worker_process import prepare_worker
 
-    hush()  # the campaign's process has said it
-    importlib.import_module("relnav_sim.kernels.compiler")  # before a plug-in imports numba itself
-    prepare_worker()
-    importlib.import_module("relnav_sim.runner.worker_task")
+    with no_search_for_garbage():
+        hush()  # the campaign's process has said it
+        importlib.import_module("relnav_sim.kernels.compiler")  # before a plug-in imports numba itself
+        prepare_worker()
+        importlib.import_module("relnav_sim.runner.worker_task")
+    gc.freeze()  # modules stay

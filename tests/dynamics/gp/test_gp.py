@@ -15,8 +15,6 @@ from formation_flight import (
 )
 from pydantic import ValidationError
 from scipy.linalg import solve_triangular
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 from taking_turns import taking_turns
 
 from relnav_sim import LinearDynamics
@@ -37,6 +35,9 @@ THIRD = slice(2 * STEPS_PER_REVOLUTION, 3 * STEPS_PER_REVOLUTION)
 
 def sklearn_regressor(kernel, inputs, outputs):
     """Return scikit-learn's process with the same kernel and data, in standardised outputs and inputs in lengths."""
+    from sklearn.gaussian_process import GaussianProcessRegressor  # here: few tests need it, for 0.4 s
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
     same = ConstantKernel(kernel.signal_variance) * (RBF(np.ones(len(kernel.length))) + WhiteKernel(kernel.noise_ratio))
     regressor = GaussianProcessRegressor(same, alpha=0.0, optimizer=None)
     return regressor.fit(kernel.scaled(inputs), (outputs - kernel.output_mean) / kernel.output_scale)

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from formation_flight import ORBIT
 from pydantic import ValidationError
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 from relnav_sim.dynamics.gp.dynamics import GpDynamics
 from relnav_sim.dynamics.gp.fit import Transitions, fit_gp_dynamics
@@ -76,6 +74,9 @@ def test_prediction_is_that_of_equations_13_and_14(rows, printed):
 
 def test_each_output_has_the_parameters_of_greatest_likelihood(rows, printed):
     """None of the three changes by 2 % for the better, and scikit-learn finds no better ones in the states' units."""
+    from sklearn.gaussian_process import GaussianProcessRegressor  # here: few tests need it, for 0.4 s
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
     x, Y = rows
     found = []
     for j, process in enumerate(printed.process.processes):
