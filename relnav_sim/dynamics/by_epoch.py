@@ -46,7 +46,6 @@ class LinearByEpoch:
         process_noise: Q (n, n).
     """
 
-    linear = True
     leaves_arguments_alone = True
 
     def __init__(self, transitions: Callable[[Array], Array], process_noise: Array) -> None:
@@ -55,9 +54,11 @@ class LinearByEpoch:
         self._Q = process_noise
 
     @property
-    def moves_by_transition(self) -> bool:
+    def linear(self) -> bool:
         """Whether `propagate` is the multiplication; a derived class, or one object, may have something else there."""
         return is_still(self, LinearByEpoch.propagate)
+
+    moves_by_transition = linear
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return F x for every state, (runs, ..., n)."""

@@ -41,7 +41,11 @@ class Dynamics(Protocol):
     """
 
     dimension: int
-    linear: bool
+
+    @property
+    def linear(self) -> bool:
+        """Whether `propagate` is the multiplication."""
+        ...
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return f(states), (runs, ..., n) -> (runs, ..., n)."""
@@ -74,7 +78,6 @@ class LinearDynamics:
         [[20.0, 2.0]]
     """
 
-    linear = True
     leaves_arguments_alone = True
 
     def __init__(self, transition: ArrayLike, process_noise: ArrayLike) -> None:
@@ -90,9 +93,11 @@ class LinearDynamics:
             matrices.setflags(write=False)  # a filter that wrote into them would change its next steps
 
     @property
-    def moves_by_transition(self) -> bool:
+    def linear(self) -> bool:
         """Whether `propagate` is the multiplication; a derived class, or one object, may have something else there."""
         return is_still(self, LinearDynamics.propagate)
+
+    moves_by_transition = linear
 
     def known_steps(self, first_epoch: int, count: int) -> tuple[Array, Array] | None:
         """Return F and Q of steps, (count or 1, n, n) each; None where a derived class or an object has its own."""
@@ -133,11 +138,17 @@ def is_still(owner: Any, *functions: Callable[..., Any]) -> bool:
     A derived class may have others, and so may the object alone, where one is assigned to it: that of a second object
     of the same class, too.
     """
-    bound = [getattr(owner, function.__name__) for function in functions]
-    return all(
-        getattr(each, "__func__", None) is function and each.__self__ is owner
-        for each, function in zip(bound, functions, strict=True)
-    )
+    kind, assigned = type(owner), vars(owner)
+    for function in functions:  # in a loop: filters ask at every step
+        name = function.__name__
+        if name in assigned or getattr(kind, name) is not function:
+            return False
+    return True
+
+
+def moves_by_transition(dynamics: Dynamics) -> bool:
+    """Return whether dynamics say that they have no other `propagate` than the multiplication by `transition`."""
+    return getattr(dynamics, "moves_by_transition", False)
 
 
 def linear_images(F: Array, states: Array) -> Array:

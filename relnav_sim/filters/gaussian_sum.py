@@ -102,7 +102,6 @@ class GaussianSumFilter:
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianSumOptions) -> None:
         self.dynamics = dynamics
-        self._considered = considered_states(dynamics)
         self.measurement = measurement
         self._components = options.components
 
@@ -141,7 +140,7 @@ class GaussianSumFilter:
             belief.covariances,
             noises[..., None, :, :, :],
             z,
-            self._considered,
+            considered_states(self.dynamics),
         )
         innovation = Innovation(nis, log_likelihood, failed=without_likelihood(log_likelihood))
         return reduced(GaussianSum(np.exp(log_weights), means, covariances), self._components), innovation

@@ -98,7 +98,6 @@ class InteractingModelsFilter:
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: ImmOptions) -> None:
         self.dynamics = dynamics
-        self._considered = considered_states(dynamics)
         self.measurement = measurement
         self._persistence = options.persistence
 
@@ -144,7 +143,7 @@ class InteractingModelsFilter:
             belief.covariances,
             own,
             z,
-            self._considered,
+            considered_states(self.dynamics),
         )
         weights = np.exp(log_weights)
         nominal = weights[:, 0]

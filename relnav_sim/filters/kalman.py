@@ -11,7 +11,7 @@ from pydantic import Field
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices
-from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.dynamics.interface import Dynamics, Step, moves_by_transition
 from relnav_sim.filters.arithmetic import ArithmeticOptions
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered
 from relnav_sim.filters.operations import (
@@ -73,8 +73,10 @@ class GaussianFilter:
         # Options of other filters have no such key: they compute in float64.
         in_single = getattr(options, "arithmetic", "float64") == "float32"
         self._single = SinglePrecision(dynamics, measurement) if in_single else None
-        self._considered = considered_states(dynamics)
-        self._by_transition = getattr(dynamics, "moves_by_transition", False)
+
+    @property
+    def _considered(self) -> tuple[int, ...]:
+        return considered_states(self.dynamics)
 
     def start(self, prior: Gaussian, source: RandomSource) -> Any:
         """Return the prior."""
@@ -86,7 +88,7 @@ class GaussianFilter:
             return self._single.predict(belief, step)
         dynamics, m, P = self.dynamics, np.ascontiguousarray(belief.mean), np.ascontiguousarray(belief.covariance)
         F, Q = by_run(dynamics.transition(m, step)), by_run(dynamics.process_noise(m, step))
-        if self._by_transition:
+        if moves_by_transition(dynamics):
             return Gaussian(*kernels.kalman.predict_linear(m, P, F, Q))
         return Gaussian(dynamics.propagate(m, step), kernels.kalman.predict(P, F, Q))
 
