@@ -44,7 +44,7 @@ class Dynamics(Protocol):
 
     @property
     def linear(self) -> bool:
-        """Whether `propagate` is the multiplication."""
+        """Whether `propagate` is exactly multiplication by `transition`."""
         ...
 
     def propagate(self, states: Array, step: Step) -> Array:
@@ -60,7 +60,28 @@ class Dynamics(Protocol):
         ...
 
 
-class LinearDynamics:
+class ByTransition:
+    """Dynamics that move by their transition, unless a derived class, or one object, has another `propagate`."""
+
+    leaves_arguments_alone = True
+
+    @property
+    def linear(self) -> bool:
+        """Whether `propagate` is the multiplication."""
+        return type(self).propagate is ByTransition.propagate and "propagate" not in vars(self)
+
+    moves_by_transition = linear
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return F x for every state, (runs, ..., n)."""
+        return linear_images(self.transition(states, step), states)
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return F of this epoch, (n, n)."""
+        raise NotImplementedError
+
+
+class LinearDynamics(ByTransition):
     """Linear dynamics x_k = F x_{k-1} + w, w ~ N(0, Q).
 
     Args:
@@ -78,8 +99,6 @@ class LinearDynamics:
         [[20.0, 2.0]]
     """
 
-    leaves_arguments_alone = True
-
     def __init__(self, transition: ArrayLike, process_noise: ArrayLike) -> None:
         F = numbers(transition, "transition")
         if F.ndim not in (2, 3) or F.shape[-1] != F.shape[-2]:
@@ -91,13 +110,6 @@ class LinearDynamics:
         self.dimension = self._F.shape[-1]
         for matrices in (self._F, self._Q):
             matrices.setflags(write=False)  # a filter that wrote into them would change its next steps
-
-    @property
-    def linear(self) -> bool:
-        """Whether `propagate` is the multiplication; a derived class, or one object, may have something else there."""
-        return is_still(self, LinearDynamics.propagate)
-
-    moves_by_transition = linear
 
     def known_steps(self, first_epoch: int, count: int) -> tuple[Array, Array] | None:
         """Return F and Q of steps, (count or 1, n, n) each; None where a derived class or an object has its own."""
@@ -119,10 +131,6 @@ class LinearDynamics:
             if matrices.ndim == 3 and len(matrices) < epochs:
                 raise ValueError(f"{name} is given for {len(matrices)} epochs, the measurements have {epochs}")
 
-    def propagate(self, states: Array, step: Step) -> Array:
-        """Return F x for every state, (runs, ..., n)."""
-        return linear_images(self.transition(states, step), states)
-
     def transition(self, mean: Array, step: Step) -> Array:
         """Return F of this epoch, (n, n)."""
         return _of_epoch(self._F, "transition", step)
@@ -139,7 +147,7 @@ def is_still(owner: Any, *functions: Callable[..., Any]) -> bool:
     of the same class, too.
     """
     kind, assigned = type(owner), vars(owner)
-    for function in functions:  # in a loop: filters ask at every step
+    for function in functions:
         name = function.__name__
         if name in assigned or getattr(kind, name) is not function:
             return False

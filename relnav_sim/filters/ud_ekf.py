@@ -12,7 +12,7 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.dynamics.interface import Dynamics, Step, moves_by_transition
 from relnav_sim.filters.arithmetic import EPS, ModelsInArithmetic
-from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
 from relnav_sim.filters.kalman import GaussianFilter, LinearisedFilterOptions
 from relnav_sim.filters.operations import Operations, Size, bytes_of, gram_schmidt, models, product, udu
 from relnav_sim.filters.registry import register_filter
@@ -126,7 +126,7 @@ class FactoredKalmanFilter(GaussianFilter):
         update = kernels.ud.update_single if models.single else kernels.ud.update
         x, U, D = map(np.ascontiguousarray, (prior.x, prior.U, prior.D))
         model = models.linearised(z, x if prior.rest is None else prior.mean, step.epoch)
-        places: Integers = np.array(self._considered, dtype=np.int64)
+        places: Integers = np.array(considered_states(self.dynamics), dtype=np.int64)
         moved, U, D, nis, log_likelihood, contradicted = update(
             x if prior.rest is None else np.zeros_like(x), U, D, *model, places, models.eps
         )

@@ -78,7 +78,9 @@ def all_channels(measurement: Measurement) -> Measurement:
 
 FIXED = ("dimension", "angles", "depends_on", "states", "whole")
 """What a filter is made for; all else it asks its measurement at every epoch."""
-_OWN = ("complete", "present", "sensors", *FIXED)
+_OWN = ("complete", "present", "sensors", "_aside", *FIXED)
+_MASKED = ("predict", "jacobian", "noise", "mixture", "residual", "linearised", "squared_errors", "filtered")
+"""The functions of a measurement that absent channels change."""
 
 
 class PartialMeasurement(MeasurementDefaults):
@@ -105,6 +107,7 @@ class PartialMeasurement(MeasurementDefaults):
         self.states = getattr(base, "states", None)
         self.whole = getattr(base, "whole", False)
         self.present: Mask | None = None
+        self._aside = False
         self.sensors = (_sensor(name, base, self.whole),)
 
     def __getattr__(self, name: str) -> Any:
@@ -114,14 +117,30 @@ class PartialMeasurement(MeasurementDefaults):
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Give what a user assigns to the base, which is as if it had had it from the first."""
-        if name == "present" or (name in _OWN and name not in vars(self)):
+        if name in ("present", "_aside") or (name in _OWN and name not in vars(self)):
             object.__setattr__(self, name, value)
         else:
             setattr(self.complete, name, value)
 
     def attend(self, present: Mask | None) -> None:
         """Count the channels (runs, m) as present and the others as absent; None: all are present."""
-        self.present = present
+        before, self.present = self.present, present
+        if self._aside and (before is None) != (present is None):
+            self._put_aside()
+
+    def stand_aside(self, aside: bool) -> None:
+        """Let the functions be those of the base themselves, or be asked for at each call again.
+
+        While a chunk of epochs is filtered they are called so often that asking would show. Nobody assigns others then.
+        """
+        self._aside = aside
+        self._put_aside()
+
+    def _put_aside(self) -> None:
+        for name in _MASKED:
+            vars(self).pop(name, None)
+        if self._aside and self.present is None:
+            vars(self).update({name: getattr(self.complete, name) for name in _MASKED if hasattr(self.complete, name)})
 
     def check_extent(self, runs: int, epochs: int) -> None:
         """Refuse a measurement that is not what the filter was made for, or a block that it is not for.

@@ -210,6 +210,11 @@ class SeveralMeasurements(JoinedMeasurement):
         self.present = present
         self._looked = False  # which parts that leaves is found out when one of their functions is called
 
+    def stand_aside(self, aside: bool) -> None:
+        """Let the functions of each sensor be those of its measurement themselves, or not."""
+        for one in self._partial:
+            one.stand_aside(aside)
+
     def _active(self) -> tuple[_Part, ...]:
         if not self._looked:
             self._looked = True
