@@ -36,8 +36,9 @@ class Dynamics(Protocol):
     """How the state moves over one step, x_k = f(x_{k-1}) + w, w ~ N(0, Q).
 
     `linear` promises that `propagate` is exactly multiplication by `transition`. Dynamics that have no other
-    `propagate` than that may say so by an attribute ``moves_by_transition``: a filter then does both in one. Where F
-    and Q follow from the epoch alone, ``known_steps(first_epoch, count)`` may return them for many epochs, or None.
+    `propagate` than that may say so by an attribute ``moves_by_transition``: a filter then does both in one. It asks
+    for both at each step. Where F and Q follow from the epoch alone, ``known_steps(first_epoch, count)`` may return
+    them for many epochs, or None.
     """
 
     dimension: int
@@ -83,6 +84,9 @@ class ByTransition:
 
 class LinearDynamics(ByTransition):
     """Linear dynamics x_k = F x_{k-1} + w, w ~ N(0, Q).
+
+    The matrices are copied. A function that a derived class, or one object, has in the place of one of these counts,
+    and with another `propagate` the dynamics are `linear` no more.
 
     Args:
         transition: F, (n, n), or (T, n, n) with one matrix per epoch.

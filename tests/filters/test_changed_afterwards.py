@@ -154,16 +154,24 @@ def test_that_of_any_dynamics_counts(motion, name):
 
 
 ADDED = {"acceleration_psd_m2_s3": 1e-4, "mean_motion_rad_s": 1e-3, "step_s": 1.0}
+START = {f"{axis}_psd_m2_s3": 1e-4 for axis in ("radial", "along_track", "normal")}
+ADAPTED = {"adaptive": {"start": START, "window": 2}, "mean_motion_rad_s": 1e-3, "step_s": 1.0}
 
 
 @pytest.mark.parametrize("name", CHANGES)
 @pytest.mark.parametrize(
     "options",
-    [{"arithmetic": "float32"}, {"editing": {"probability": 0.9999}}, {"process_noise": ADDED}, {"several": True}],
-    ids=lambda options: next(iter(options)),
+    [
+        {"arithmetic": "float32"},
+        {"editing": {"probability": 0.9999}},
+        {"process_noise": ADDED},
+        {"process_noise": ADAPTED},
+        {"several": True},
+    ],
+    ids=["float32", "edited", "added noise", "adapted noise", "several"],
 )
 def test_it_counts_behind_what_a_filter_is_wrapped_in(options, name):
-    for kind in ("ekf", "ukf", "sr_ukf"):
+    for kind in ("ekf", "ukf") if options.get("process_noise") is ADAPTED else ("ekf", "ukf", "sr_ukf"):
         check(kind, "linear", "radar", name, **options)
 
 
@@ -211,6 +219,22 @@ def test_a_function_assigned_to_the_dynamics_of_a_filter_counts(made, options):
         found = numbers(inside, z)
         np.testing.assert_array_equal(found, numbers(outside, z))
         assert np.abs(found - before).max() > 1e-6
+
+
+@pytest.mark.parametrize("arithmetic", [None, "float32"])
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if filter_kinds()[kind].considers])
+def test_states_that_are_considered_afterwards_count(kind, arithmetic):
+    if arithmetic and not filter_kinds()[kind].in_single:
+        pytest.skip("it computes in float64 only")
+    z, options = readings(MEASUREMENTS["gnss"](), "gnss") + 3.0, small_options(kind)
+    options |= {"arithmetic": arithmetic} if arithmetic else {}
+    models = [DYNAMICS["augmented"]() for _ in range(3)]
+    models[2].considered = (1, 2)
+    filters = [create_filter(kind, each, MEASUREMENTS["gnss"](), **options) for each in models]
+    models[0].considered = (1, 2)
+    found, plain, expected = (numbers(each, z) for each in filters)
+    np.testing.assert_array_equal(found, expected)
+    assert np.abs(found - plain).max() > 1e-6
 
 
 @pytest.mark.parametrize(("name", "value"), [("angles", ()), ("depends_on", (0, 1)), ("states", 7), ("dimension", 2)])
