@@ -21,6 +21,7 @@ from relnav_sim.filters.belief import (
     Filter,
     Gaussian,
     Innovation,
+    KeepsModels,
     WrappedBelief,
     believed_noise,
     considered_states,
@@ -64,7 +65,7 @@ class _Test:
     fails: Mask
 
 
-class MeasurementEditing:
+class MeasurementEditing(KeepsModels):
     """A Gaussian filter whose measurements are edited.
 
     Its innovations keep the NIS and likelihood of whole measurements, rejected or not: `rejected` among their extras is

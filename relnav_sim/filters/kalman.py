@@ -13,7 +13,7 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.arithmetic import ArithmeticOptions
-from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered
+from relnav_sim.filters.belief import Gaussian, Innovation, KeepsModels, considered_states, keep_considered
 from relnav_sim.filters.operations import (
     Operations,
     Size,
@@ -50,7 +50,7 @@ class LinearisedFilterOptions(GaussianFilterOptions, ArithmeticOptions):
     """Options of the filters with a Gaussian belief and linearised models."""
 
 
-class GaussianFilter:
+class GaussianFilter(KeepsModels):
     """Prediction and starting of a filter whose belief is a Gaussian; `correct` is the algorithm's own.
 
     Attributes:

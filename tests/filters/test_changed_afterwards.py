@@ -221,13 +221,13 @@ def test_a_function_assigned_to_the_dynamics_of_a_filter_counts(made, options):
         assert np.abs(found - before).max() > 1e-6
 
 
-@pytest.mark.parametrize("arithmetic", [None, "float32"])
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if filter_kinds()[kind].considers])
-def test_states_that_are_considered_afterwards_count(kind, arithmetic):
-    if arithmetic and not filter_kinds()[kind].in_single:
-        pytest.skip("it computes in float64 only")
-    z, options = readings(MEASUREMENTS["gnss"](), "gnss") + 3.0, small_options(kind)
-    options |= {"arithmetic": arithmetic} if arithmetic else {}
+CONSIDERING = [(kind, {}) for kind in KINDS if filter_kinds()[kind].considers]
+IN_SINGLE = [(kind, {"arithmetic": "float32"}) for kind, _ in CONSIDERING if filter_kinds()[kind].in_single]
+
+
+@pytest.mark.parametrize(("kind", "options"), CONSIDERING + IN_SINGLE)
+def test_states_that_are_considered_afterwards_count(kind, options):
+    z, options = readings(MEASUREMENTS["gnss"](), "gnss") + 3.0, small_options(kind) | options
     models = [DYNAMICS["augmented"]() for _ in range(3)]
     models[2].considered = (1, 2)
     filters = [create_filter(kind, each, MEASUREMENTS["gnss"](), **options) for each in models]
@@ -253,6 +253,20 @@ def test_what_a_filter_is_made_for_is_not_changed_afterwards(name, value, severa
     with pytest.raises(ValueError, match=f"^{name} of the measurement is .*, and was .*; make it again by"):
         run_filter(filter, {"it": z, "other": np.tile(MEAN0[:3], (2, 3, 1))} if several else z, MEAN0, COV0)
     run_filter(create_filter("ekf", LinearDynamics(F, Q), MEASUREMENTS["radar"]()), z, MEAN0, COV0)
+
+
+EDITED = [(kind, {"editing": {"probability": 0.999}}) for kind in KINDS if filter_kinds()[kind].edits]
+MATCHED = [(kind, {"process_noise": ADAPTED}) for kind in KINDS if filter_kinds()[kind].matches_covariance]
+
+
+@pytest.mark.parametrize(("kind", "options"), [*((kind, {}) for kind in KINDS), *EDITED, *MATCHED])
+def test_a_filter_keeps_its_models(kind, options):
+    known = filter_kinds()[kind]
+    sensor = MEASUREMENTS["converted" if known.linear_only else "radar"]()
+    filter = create_filter(kind, LinearDynamics(F, Q), sensor, **small_options(kind), **options)
+    for name, other in (("dynamics", LinearDynamics(F, Q)), ("measurement", sensor)):
+        with pytest.raises(AttributeError, match=f"keeps the {name} .* make another one with create_filter"):
+            setattr(filter, name, other)
 
 
 def test_a_function_for_several_sensors_at_once_is_refused():
