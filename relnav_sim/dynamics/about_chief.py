@@ -130,4 +130,4 @@ def about_given(dynamics: AboutChiefDynamics, chief: ArrayLike | None) -> AboutC
     states = finite(numbers(chief, "chief"), "chief", ("run", "epoch", "component")[-np.ndim(chief) :])
     if states.ndim not in (2, 3) or states.shape[-1] != 6:
         raise ValueError(f"chief has shape {states.shape}; it must be (T, 6) or (runs, T, 6)")
-    return dynamics.with_chief(states.reshape(-1, *states.shape[-2:]), first_epoch=-1)
+    return dynamics.with_chief(states.reshape(-1, *states.shape[-2:]).copy(), first_epoch=-1)

@@ -10,7 +10,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.conventions import CHUNK_EPOCHS
-from relnav_sim.dynamics.interface import Step, is_still, linear_images
+from relnav_sim.dynamics.interface import ByTransition, Step, is_still
 
 T = TypeVar("T")
 
@@ -38,7 +38,7 @@ class PerChunk(Generic[T]):
         return self._held[chunk], place
 
 
-class LinearByEpoch:
+class LinearByEpoch(ByTransition):
     """Linear dynamics whose transition matrix differs from epoch to epoch: x_k = F_k x_{k-1} + w, w ~ N(0, Q).
 
     Args:
@@ -46,22 +46,10 @@ class LinearByEpoch:
         process_noise: Q (n, n).
     """
 
-    linear = True
-    leaves_arguments_alone = True
-
     def __init__(self, transitions: Callable[[Array], Array], process_noise: Array) -> None:
         self.dimension = len(process_noise)
         self._chunks = PerChunk(partial(_closed, transitions))
         self._Q = process_noise
-
-    @property
-    def moves_by_transition(self) -> bool:
-        """Whether `propagate` is the multiplication; a derived class, or one object, may have something else there."""
-        return is_still(self, LinearByEpoch.propagate)
-
-    def propagate(self, states: Array, step: Step) -> Array:
-        """Return F x for every state, (runs, ..., n)."""
-        return linear_images(self.transition(states, step), states)
 
     def transition(self, mean: Array, step: Step) -> Array:
         """Return F of this epoch, (n, n)."""

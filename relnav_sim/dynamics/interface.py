@@ -36,12 +36,17 @@ class Dynamics(Protocol):
     """How the state moves over one step, x_k = f(x_{k-1}) + w, w ~ N(0, Q).
 
     `linear` promises that `propagate` is exactly multiplication by `transition`. Dynamics that have no other
-    `propagate` than that may say so by an attribute ``moves_by_transition``: a filter then does both in one. Where F
-    and Q follow from the epoch alone, ``known_steps(first_epoch, count)`` may return them for many epochs, or None.
+    `propagate` than that may say so by an attribute ``moves_by_transition``: a filter then does both in one. It asks
+    for both at each step. Where F and Q follow from the epoch alone, ``known_steps(first_epoch, count)`` may return
+    them for many epochs, or None.
     """
 
     dimension: int
-    linear: bool
+
+    @property
+    def linear(self) -> bool:
+        """Whether `propagate` is exactly multiplication by `transition`."""
+        ...
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return f(states), (runs, ..., n) -> (runs, ..., n)."""
@@ -56,8 +61,32 @@ class Dynamics(Protocol):
         ...
 
 
-class LinearDynamics:
+class ByTransition:
+    """Dynamics that move by their transition, unless a derived class, or one object, has another `propagate`."""
+
+    leaves_arguments_alone = True
+
+    @property
+    def linear(self) -> bool:
+        """Whether `propagate` is the multiplication."""
+        return type(self).propagate is ByTransition.propagate and "propagate" not in vars(self)
+
+    moves_by_transition = linear
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return F x for every state, (runs, ..., n)."""
+        return linear_images(self.transition(states, step), states)
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return F of this epoch, (n, n)."""
+        raise NotImplementedError
+
+
+class LinearDynamics(ByTransition):
     """Linear dynamics x_k = F x_{k-1} + w, w ~ N(0, Q).
+
+    The matrices are copied. A function that a derived class, or one object, has in the place of one of these counts,
+    and with another `propagate` the dynamics are `linear` no more.
 
     Args:
         transition: F, (n, n), or (T, n, n) with one matrix per epoch.
@@ -74,9 +103,6 @@ class LinearDynamics:
         [[20.0, 2.0]]
     """
 
-    linear = True
-    leaves_arguments_alone = True
-
     def __init__(self, transition: ArrayLike, process_noise: ArrayLike) -> None:
         F = numbers(transition, "transition")
         if F.ndim not in (2, 3) or F.shape[-1] != F.shape[-2]:
@@ -88,11 +114,6 @@ class LinearDynamics:
         self.dimension = self._F.shape[-1]
         for matrices in (self._F, self._Q):
             matrices.setflags(write=False)  # a filter that wrote into them would change its next steps
-
-    @property
-    def moves_by_transition(self) -> bool:
-        """Whether `propagate` is the multiplication; a derived class, or one object, may have something else there."""
-        return is_still(self, LinearDynamics.propagate)
 
     def known_steps(self, first_epoch: int, count: int) -> tuple[Array, Array] | None:
         """Return F and Q of steps, (count or 1, n, n) each; None where a derived class or an object has its own."""
@@ -114,10 +135,6 @@ class LinearDynamics:
             if matrices.ndim == 3 and len(matrices) < epochs:
                 raise ValueError(f"{name} is given for {len(matrices)} epochs, the measurements have {epochs}")
 
-    def propagate(self, states: Array, step: Step) -> Array:
-        """Return F x for every state, (runs, ..., n)."""
-        return linear_images(self.transition(states, step), states)
-
     def transition(self, mean: Array, step: Step) -> Array:
         """Return F of this epoch, (n, n)."""
         return _of_epoch(self._F, "transition", step)
@@ -133,11 +150,17 @@ def is_still(owner: Any, *functions: Callable[..., Any]) -> bool:
     A derived class may have others, and so may the object alone, where one is assigned to it: that of a second object
     of the same class, too.
     """
-    bound = [getattr(owner, function.__name__) for function in functions]
-    return all(
-        getattr(each, "__func__", None) is function and each.__self__ is owner
-        for each, function in zip(bound, functions, strict=True)
-    )
+    kind, assigned = type(owner), vars(owner)
+    for function in functions:
+        name = function.__name__
+        if name in assigned or getattr(kind, name) is not function:
+            return False
+    return True
+
+
+def moves_by_transition(dynamics: Dynamics) -> bool:
+    """Return whether dynamics say that they have no other `propagate` than the multiplication by `transition`."""
+    return getattr(dynamics, "moves_by_transition", False)
 
 
 def linear_images(F: Array, states: Array) -> Array:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from relnav_sim.arrays import Array
+from relnav_sim.dynamics.around import AroundDynamics
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.dynamics.process_noise import ACTS_ON_VELOCITY, van_loan
 
 
-class AddedNoise:
+class AddedNoise(AroundDynamics):
     """Dynamics with the same process noise added in each step.
 
     Args:
@@ -20,12 +19,8 @@ class AddedNoise:
     """
 
     def __init__(self, base: Dynamics, Q: Array) -> None:
-        self._base, self._Q = base, Q
-
-    def __getattr__(self, name: str) -> Any:
-        if name == "_base":
-            raise AttributeError(name)  # while it is unpickled
-        return getattr(self._base, name)
+        super().__init__(base)
+        self._Q = Q
 
     def process_noise(self, states: Array, step: Step) -> Array:
         """Return Q of the base and Q."""
@@ -38,7 +33,7 @@ class AddedNoise:
         return None if steps is None else (steps[0], steps[1] + self._Q)
 
 
-class WhiteAcceleration:
+class WhiteAcceleration(AroundDynamics):
     """Dynamics of six states with white acceleration on each RTN axis added to their process noise.
 
     Args:
@@ -54,16 +49,11 @@ class WhiteAcceleration:
     """
 
     def __init__(self, base: Dynamics, A: Array, densities: Array, step_s: float) -> None:
-        self._base = base
+        super().__init__(base)
         self.densities: Array = densities[None]
         over_step = [van_loan(A, b[:, None], np.eye(1), step_s) for b in ACTS_ON_VELOCITY.T]
         self.step_transition = over_step[0][0]
         self.noises = np.stack([Q for _, Q in over_step])
-
-    def __getattr__(self, name: str) -> Any:
-        if name == "_base":
-            raise AttributeError(name)  # while it is unpickled
-        return getattr(self._base, name)
 
     def process_noise(self, states: Array, step: Step) -> Array:
         """Return Q, (6, 6), or (runs, 6, 6) whatever the states where the runs have densities of their own."""

@@ -10,7 +10,7 @@ from pydantic import Field
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.belief import Gaussian, Innovation, KeepsModels
 from relnav_sim.filters.kalman import innovation_of
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import NEEDS_NOISE, NoiseRoot, not_definite, semidefinite_root
@@ -67,7 +67,7 @@ class BatchPass:
 
 
 @register_filter("batch_least_squares", BatchOptions, cost_us=9.0, overhead_us=700.0)
-class BatchLeastSquares:
+class BatchLeastSquares(KeepsModels):
     """Batch least squares: the one trajectory without process noise that fits all measurements of a run best.
 
     Gauss-Newton passes over the whole run for the state at its start (Tapley, Schutz and Born, Statistical Orbit

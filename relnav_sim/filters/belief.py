@@ -83,6 +83,20 @@ class Filter(Protocol):
         ...
 
 
+class KeepsModels:
+    """A filter whose dynamics and measurement stay those that it was made of: parts of it hold them too."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set an attribute, but no other models.
+
+        Raises:
+            AttributeError: They are others.
+        """
+        if name in ("dynamics", "measurement") and name in vars(self):
+            raise AttributeError(f"a filter keeps the {name} that it was made of; make another one with create_filter")
+        super().__setattr__(name, value)
+
+
 @dataclass(frozen=True)
 class WrappedBelief:
     """The belief of a filter about another filter's: its estimate is that of the other.

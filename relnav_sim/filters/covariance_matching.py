@@ -33,7 +33,15 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.white_noise import WhiteAcceleration
-from relnav_sim.filters.belief import Filter, Gaussian, Innovation, WrappedBelief, believed_noise, where_runs
+from relnav_sim.filters.belief import (
+    Filter,
+    Gaussian,
+    Innovation,
+    KeepsModels,
+    WrappedBelief,
+    believed_noise,
+    where_runs,
+)
 from relnav_sim.linalg import CholeskyFactor, transpose
 from relnav_sim.streams import RandomSource
 
@@ -78,7 +86,7 @@ class MatchedBelief(WrappedBelief):
     taken: Array
 
 
-class CovarianceMatching:
+class CovarianceMatching(KeepsModels):
     """A Gaussian filter whose white acceleration has the densities that its own corrections call for.
 
     Args:

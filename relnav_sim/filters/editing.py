@@ -21,6 +21,7 @@ from relnav_sim.filters.belief import (
     Filter,
     Gaussian,
     Innovation,
+    KeepsModels,
     WrappedBelief,
     believed_noise,
     considered_states,
@@ -64,7 +65,7 @@ class _Test:
     fails: Mask
 
 
-class MeasurementEditing:
+class MeasurementEditing(KeepsModels):
     """A Gaussian filter whose measurements are edited.
 
     Its innovations keep the NIS and likelihood of whole measurements, rejected or not: `rejected` among their extras is
@@ -92,10 +93,6 @@ class MeasurementEditing:
         self._units = self.measurement.dimension if self._by_channel else len(self._sensors)
         self._quantile = ChannelQuantile(self.measurement, options.probability)
         self._channel_limit = float(chdtri(1, 1 - options.probability))
-        self._considered = considered_states(self.dynamics)
-        widths = np.full(self.dynamics.dimension, np.sqrt(options.inflation or INFLATION))
-        widths[list(self._considered)] = 1.0  # no measurement would ever narrow them again
-        self._widths = widths[:, None] * widths
 
     def start(self, prior: Gaussian, source: RandomSource) -> EditedBelief:
         """Return the filter's start, with nothing rejected.
@@ -144,7 +141,7 @@ class MeasurementEditing:
         if options.action == "inflate":
             acted = _any(refused & (rejects >= options.max_rejects))
             if acted.any():
-                wider = Gaussian(inner.mean, inner.covariance * self._widths)
+                wider = Gaussian(inner.mean, inner.covariance * self._widths())
                 inner = where_runs(acted, self._begun(wider), inner)
         elif options.action == "restart":
             acted = _any(refused) & locked_anywhere
@@ -260,15 +257,23 @@ class MeasurementEditing:
         """
         residual, H, R = linearised(self.measurement, z, belief.mean, epoch)
         variances = np.diagonal(belief.covariance, axis1=1, axis2=2).copy()
-        variances[:, list(self._considered)] = 0.0  # the start's covariance holds theirs, which no measurement narrows
+        considered = considered_states(self.dynamics)
+        variances[:, list(considered)] = 0.0  # the start's covariance holds theirs, which no measurement narrows
         wide = self._wide + variances[:, :, None] * np.eye(variances.shape[1])
         _, innovation = joseph_update(Gaussian(belief.mean, wide), residual, H, R)
         excess = np.sqrt(np.maximum(innovation.nis / np.maximum(channel_count(self.measurement), 1), 1.0))
         factors = np.repeat(excess[:, None], variances.shape[1], axis=1)
-        factors[:, list(self._considered)] = 1.0
+        factors[:, list(considered)] = 1.0
         prior = Gaussian(belief.mean, wide * factors[:, :, None] * factors[:, None, :])
         posterior, _ = joseph_update(prior, residual, H, R)
-        return keep_considered(prior, posterior, self._considered)
+        return keep_considered(prior, posterior, considered)
+
+    def _widths(self) -> Array:
+        """Return the factors (n, n) on the covariance of a belief that is inflated."""
+        widths = np.full(self.dynamics.dimension, np.sqrt(self._options.inflation or INFLATION))
+        widths[list(considered_states(self.dynamics))] = 1.0  # no measurement would ever narrow them again
+        factors: Array = widths[:, None] * widths
+        return factors
 
     def _begun(self, gaussian: Gaussian) -> Any:
         """Return the filter's belief of a Gaussian, without starting its random numbers again."""

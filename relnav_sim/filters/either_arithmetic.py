@@ -10,7 +10,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.arithmetic import RoundedMeasurement
-from relnav_sim.filters.belief import Gaussian, Innovation, in_kind, keep_considered
+from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, in_kind, keep_considered
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions
 from relnav_sim.filters.single_precision import INDEFINITE
 from relnav_sim.filters.square_root import NEEDS_NOISE, Whitener, not_definite
@@ -66,4 +66,4 @@ class EitherArithmetic(GaussianFilter):
 
     def keep_considered(self, predicted: Any, corrected: Any) -> Any:
         """Return the corrected belief with the considered states as predicted."""
-        return keep_considered(predicted, corrected, self._considered)
+        return keep_considered(predicted, corrected, considered_states(self.dynamics))

@@ -12,7 +12,7 @@ from pydantic import Field
 from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
+from relnav_sim.filters.belief import Gaussian, Innovation, KeepsModels, considered_states
 from relnav_sim.filters.components import (
     Linearised,
     component_updates,
@@ -85,7 +85,7 @@ def _operations(size: Size, options: Any) -> Operations:
 
 
 @register_filter("gaussian_sum", GaussianSumOptions, cost_us=3.5, overhead_us=130.0, operations=_operations)
-class GaussianSumFilter:
+class GaussianSumFilter(KeepsModels):
     """Gaussian-sum filter: the posterior under mixture noise as a mixture itself.
 
     Alspach and Sorenson, IEEE Trans. Automatic Control 17(4), 1972. Every Gaussian of the belief is updated with every
@@ -102,7 +102,6 @@ class GaussianSumFilter:
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianSumOptions) -> None:
         self.dynamics = dynamics
-        self._considered = considered_states(dynamics)
         self.measurement = measurement
         self._components = options.components
 
@@ -141,7 +140,7 @@ class GaussianSumFilter:
             belief.covariances,
             noises[..., None, :, :, :],
             z,
-            self._considered,
+            considered_states(self.dynamics),
         )
         innovation = Innovation(nis, log_likelihood, failed=without_likelihood(log_likelihood))
         return reduced(GaussianSum(np.exp(log_weights), means, covariances), self._components), innovation

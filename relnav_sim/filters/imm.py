@@ -12,7 +12,7 @@ from pydantic import Field
 from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
+from relnav_sim.filters.belief import Gaussian, Innovation, KeepsModels, considered_states
 from relnav_sim.filters.components import (
     Linearised,
     component_updates,
@@ -83,7 +83,7 @@ def _operations(size: Size, options: Any) -> Operations:
 
 
 @register_filter("imm", ImmOptions, cost_us=1.4, overhead_us=110.0, operations=_operations)
-class InteractingModelsFilter:
+class InteractingModelsFilter(KeepsModels):
     """Interacting multiple models: one extended Kalman filter per component of the measurement noise.
 
     Blom and Bar-Shalom, IEEE Trans. Automatic Control 33(8), 1988. The models share the dynamics and differ in R; a
@@ -98,7 +98,6 @@ class InteractingModelsFilter:
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: ImmOptions) -> None:
         self.dynamics = dynamics
-        self._considered = considered_states(dynamics)
         self.measurement = measurement
         self._persistence = options.persistence
 
@@ -144,7 +143,7 @@ class InteractingModelsFilter:
             belief.covariances,
             own,
             z,
-            self._considered,
+            considered_states(self.dynamics),
         )
         weights = np.exp(log_weights)
         nominal = weights[:, 0]

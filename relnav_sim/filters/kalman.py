@@ -13,7 +13,7 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.arithmetic import ArithmeticOptions
-from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered
+from relnav_sim.filters.belief import Gaussian, Innovation, KeepsModels, considered_states, keep_considered
 from relnav_sim.filters.operations import (
     Operations,
     Size,
@@ -50,7 +50,7 @@ class LinearisedFilterOptions(GaussianFilterOptions, ArithmeticOptions):
     """Options of the filters with a Gaussian belief and linearised models."""
 
 
-class GaussianFilter:
+class GaussianFilter(KeepsModels):
     """Prediction and starting of a filter whose belief is a Gaussian; `correct` is the algorithm's own.
 
     Attributes:
@@ -73,8 +73,6 @@ class GaussianFilter:
         # Options of other filters have no such key: they compute in float64.
         in_single = getattr(options, "arithmetic", "float64") == "float32"
         self._single = SinglePrecision(dynamics, measurement) if in_single else None
-        self._considered = considered_states(dynamics)
-        self._by_transition = getattr(dynamics, "moves_by_transition", False)
 
     def start(self, prior: Gaussian, source: RandomSource) -> Any:
         """Return the prior."""
@@ -86,7 +84,7 @@ class GaussianFilter:
             return self._single.predict(belief, step)
         dynamics, m, P = self.dynamics, np.ascontiguousarray(belief.mean), np.ascontiguousarray(belief.covariance)
         F, Q = by_run(dynamics.transition(m, step)), by_run(dynamics.process_noise(m, step))
-        if self._by_transition:
+        if getattr(dynamics, "moves_by_transition", False):  # as `moves_by_transition`, without another call
             return Gaussian(*kernels.kalman.predict_linear(m, P, F, Q))
         return Gaussian(dynamics.propagate(m, step), kernels.kalman.predict(P, F, Q))
 
@@ -107,7 +105,8 @@ class GaussianFilter:
         """Return the corrected belief with the considered states as predicted."""
         if self._single is not None:
             return self._single.keep_considered(predicted, corrected)
-        return keep_considered(predicted, corrected, self._considered)
+        considered = getattr(self.dynamics, "considered", ())
+        return keep_considered(predicted, corrected, considered) if considered else corrected
 
     def epochs_by(
         self, of: type, update: CompiledUpdate, belief: Gaussian, stretch: Stretch, first_epoch: int
@@ -131,7 +130,7 @@ class GaussianFilter:
         as_it_is = _goes_as(own, of) and _functions(of).isdisjoint(vars(self))
         known = getattr(self.dynamics, "known_steps", None)
         filtered = getattr(self.measurement, "filtered", None)
-        if self._single or self._considered or known is None or filtered is None or not as_it_is:
+        if self._single or considered_states(self.dynamics) or known is None or filtered is None or not as_it_is:
             return None
         F_and_Q = known(first_epoch, len(stretch.z))
         return None if F_and_Q is None else filtered(belief.mean, belief.covariance, *F_and_Q, update, stretch)
@@ -183,7 +182,7 @@ def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tupl
     m, P, nu = map(np.ascontiguousarray, (belief.mean, belief.covariance, residual))
     mean, P, nis, log_likelihood, rows = kernels.kalman.update(m, P, nu, H, R)
     update = Gaussian(mean, P), Innovation(nis, log_likelihood)
-    if len(rows) == 0:
+    if not rows.size:
         return update
     prior, h = Gaussian(belief.mean[rows], belief.covariance[rows]), of_runs(H, rows)
     X = semidefinite_root(prior.covariance)

@@ -19,6 +19,7 @@ from relnav_sim.linalg import (
     transpose,
 )
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, has_own_density
+from relnav_sim.measurements.partial import all_channels, present_channels
 from relnav_sim.read_only_call import called_read_only
 from relnav_sim.streams import RandomSource, Streams
 
@@ -172,10 +173,12 @@ def log_likelihood(measurement: Measurement, z: Array, states: Array, mean: Arra
 
 def wrapped_components(measurement: Measurement) -> Mask | None:
     """Return which components (m,) of a residual are wrapped as angles; None: it has a residual of its own."""
-    if getattr(measurement.residual, "__func__", None) is not MeasurementDefaults.residual:
+    complete = all_channels(measurement)
+    is_default = getattr(complete.residual, "__func__", None) is MeasurementDefaults.residual
+    if present_channels(measurement) is not None or not is_default:
         return None
     angle = np.zeros(measurement.dimension, dtype=bool)
-    angle[list(getattr(measurement, "angles", ()))] = True
+    angle[list(getattr(complete, "angles", ()))] = True
     return angle
 
 

@@ -11,7 +11,7 @@ from pydantic import Field
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.belief import Gaussian, Innovation, KeepsModels
 from relnav_sim.filters.kalman import joseph_update
 from relnav_sim.filters.particle_set import (
     ParticleSet,
@@ -76,7 +76,7 @@ class ParticleSetOptions(Options):
     )
 
 
-class ParticleSetFilter:
+class ParticleSetFilter(KeepsModels):
     """Starting, predicting, weighting and resampling a particle set; `update` is the algorithm's own."""
 
     stochastic = True

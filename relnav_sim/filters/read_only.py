@@ -6,13 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 from relnav_sim.arrays import Array
+from relnav_sim.dynamics.around import AroundDynamics
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.given_arrays import returned_numbers
 from relnav_sim.measurements.interface import Mixture, one_by_one, squares_of_states
 from relnav_sim.read_only_call import called_read_only
 
 
-class ReadOnlyDynamics:
+class ReadOnlyDynamics(AroundDynamics):
     """Dynamics whose functions see read-only states and must return the right shapes; all else is as in those behind.
 
     Args:
@@ -20,15 +21,9 @@ class ReadOnlyDynamics:
     """
 
     def __init__(self, base: Dynamics) -> None:
-        self._base = base
+        super().__init__(base)
         self.dimension = base.dimension
-        self.linear = base.linear
         self._name = type(base).__name__
-
-    def __getattr__(self, name: str) -> Any:
-        if name == "_base":
-            raise AttributeError(name)  # while it is unpickled
-        return getattr(self._base, name)
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return f(states)."""

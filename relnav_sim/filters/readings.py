@@ -55,8 +55,8 @@ class SensorReadings:
 class Readings:
     """The measurements of a filter's sensors over a chunk of epochs.
 
-    Where every measurement of the only sensor has all its channels, nothing is done but looking. It is a context, at
-    whose end the measurement counts every channel as present again.
+    Where every measurement of the only sensor has all its channels, nothing is done but looking. It is a context, in
+    which nobody gives the measurement another function, and at whose end that counts every channel as present again.
 
     Args:
         measurement: The filter's.
@@ -122,11 +122,18 @@ class Readings:
         return every
 
     def __enter__(self) -> Readings:
+        self._stand_aside(True)
         return self
 
     def __exit__(self, *error: object) -> None:
         """Let the measurement count every channel as present again, whatever has happened."""
         self._attend(None)
+        self._stand_aside(False)
+
+    def _stand_aside(self, aside: bool) -> None:
+        stand_aside = getattr(self._measurement, "stand_aside", None)
+        if stand_aside is not None:
+            stand_aside(aside)
 
     def _attend(self, present: Mask | None) -> None:
         if present is None and not self._attends:

@@ -200,6 +200,10 @@ def create_filter(
 ) -> Filter:
     """Return a filter of the registry.
 
+    The filter asks dynamics and measurement themselves, not copies: a function that is assigned to one of them later
+    (``radar.noise = f``) counts from the next run on. What the filter is made for, `angles`, `depends_on`, `states`,
+    `whole` and `dimension` of a measurement, stays, and `run_filter` refuses others; so do the two models themselves.
+
     Args:
         name: A registered name, ``ekf`` say; `relnav list filters` shows them.
         dynamics: How the state moves.

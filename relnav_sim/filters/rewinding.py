@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from relnav_sim.arrays import Array
+from relnav_sim.dynamics.around import AroundDynamics
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.streams import RandomSource, Streams
 
@@ -39,7 +40,7 @@ class RewindableSource(RandomSource):
             one.bit_generator.state = its
 
 
-class RewindableDynamics:
+class RewindableDynamics(AroundDynamics):
     """Dynamics that can be asked for the steps of the chunk before as well, as they were fed then.
 
     Args:
@@ -47,15 +48,10 @@ class RewindableDynamics:
     """
 
     def __init__(self, base: Dynamics) -> None:
-        self._base = base
+        super().__init__(base)
         self._before: Dynamics = base
         self._first_epoch = 0
-        self.dimension, self.linear = base.dimension, base.linear
-
-    def __getattr__(self, name: str) -> Any:
-        if name == "_base":
-            raise AttributeError(name)  # while it is copied
-        return getattr(self._base, name)
+        self.dimension = base.dimension
 
     def keep(self, first_epoch: int) -> None:
         """Keep the dynamics as they are, before they are fed the chunk that begins with this epoch."""

@@ -52,8 +52,8 @@ def run_filter(
     Raises:
         ValueError: Shapes do not fit together, something given is no array of real numbers, a measurement is infinite,
             the prior is not finite or its covariance none, a function of the models writes into its argument, the
-            measurements are not those of the filter's sensors, or one has channels missing for which the measurement's
-            own log_likelihood has no density.
+            measurements are not those of the filter's sensors, one has channels missing for which the measurement's
+            own log_likelihood has no density, or a measurement has other `angles`, say, than when the filter was made.
 
     Warns:
         RuntimeWarning: Runs failed; it names them, with epoch and reason, as the history's `failures` do.

@@ -27,7 +27,6 @@ class SinglePoints(SinglePrecision):
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, scale: float, curvature: float) -> None:
         super().__init__(dynamics, measurement)
-        self._linear = dynamics.linear
         self._spread, self._weight = np.sqrt(scale), 1 / (2 * scale)
         self._curvature = curvature
         # The weight of s s^T beside deviations from the mean, where it is the curvature beside those from the centre.
@@ -35,7 +34,7 @@ class SinglePoints(SinglePrecision):
 
     def predict(self, belief: Gaussian | SingleGaussian, step: Step) -> SingleGaussian:
         """Return the propagated belief; with linear dynamics the transform is exact, so F is applied at once."""
-        if self._linear:
+        if self._dynamics.linear:
             return super().predict(belief, step)
         prior, models = self.own(belief), self._models
         points, _ = self._points(prior)

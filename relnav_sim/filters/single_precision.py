@@ -8,7 +8,7 @@ import numpy as np
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array
-from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.dynamics.interface import Dynamics, Step, moves_by_transition
 from relnav_sim.filters.arithmetic import ModelsInArithmetic
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
 from relnav_sim.linalg import SINGLE, by_run
@@ -69,9 +69,8 @@ class SinglePrecision:
     """
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement) -> None:
+        self._dynamics = dynamics
         self._models = ModelsInArithmetic(dynamics, measurement, "float32")
-        self._by_transition = getattr(dynamics, "moves_by_transition", False)
-        self._considered = list(considered_states(dynamics))
 
     def own(self, belief: Gaussian | SingleGaussian) -> SingleGaussian:
         """Return a belief, rounded to float32."""
@@ -82,7 +81,7 @@ class SinglePrecision:
         prior, models = self.own(belief), self._models
         F, Q = models.matrices(prior.x, step)
         mean, P = kernels.kalman.predict_linear_single(prior.x, prior.P, F, Q)
-        return SingleGaussian(mean if self._by_transition else models.propagate(prior.x, step), P)
+        return SingleGaussian(mean if moves_by_transition(self._dynamics) else models.propagate(prior.x, step), P)
 
     def linearised(self, z: Array, belief: Gaussian | SingleGaussian, epoch: int) -> tuple[Array, Array, Array]:
         """Return residual, H and R of a measurement at the mean, in float32."""
@@ -106,11 +105,12 @@ class SinglePrecision:
 
     def keep_considered(self, predicted: Gaussian | SingleGaussian, corrected: SingleGaussian) -> SingleGaussian:
         """Return an optimal update with the considered states as predicted, see `belief.keep_considered`."""
-        if not self._considered:
+        places = list(considered_states(self._dynamics))
+        if not places:
             return corrected
         prior, x, P = self.own(predicted), corrected.x.copy(), corrected.P.copy()
-        x[:, self._considered] = prior.x[:, self._considered]
-        block = np.ix_(range(len(x)), self._considered, self._considered)
+        x[:, places] = prior.x[:, places]
+        block = np.ix_(range(len(x)), places, places)
         P[block] = prior.P[block]
         return SingleGaussian(x, P)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array
-from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.dynamics.interface import Dynamics, Step, moves_by_transition
 from relnav_sim.filters.arithmetic import ModelsInArithmetic
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
 from relnav_sim.filters.square_root import semidefinite_root
@@ -53,10 +53,8 @@ class SingleRoots:
     """
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, scale: float, centre_weight: float) -> None:
+        self._dynamics = dynamics
         self._models = ModelsInArithmetic(dynamics, measurement, "float32")
-        self._linear = dynamics.linear
-        self._by_transition = getattr(dynamics, "moves_by_transition", False)
-        self._considered = list(considered_states(dynamics))
         self._spread, self._weight, self._centre_weight = np.sqrt(scale), 1 / (2 * scale), centre_weight
 
     def start(self, prior: Gaussian) -> SingleRoot:
@@ -67,9 +65,10 @@ class SingleRoots:
         """Return the propagated belief, its root that of [deviations, Q^(1/2)]."""
         models, x = self._models, belief.x
         noise = self._root(models.process_noise(x, step))
-        if self._linear:
+        if self._dynamics.linear:
             F = models.transition(x, step)
-            mean = _product(F, x[:, :, None])[:, :, 0] if self._by_transition else models.propagate(x, step)
+            by_transition = moves_by_transition(self._dynamics)
+            mean = _product(F, x[:, :, None])[:, :, 0] if by_transition else models.propagate(x, step)
             deviations = _product(F, belief.root)
         else:
             images = models.propagate(self._points(belief)[0], step)
@@ -90,9 +89,10 @@ class SingleRoots:
         gain, root, _, white, nis, log_likelihood, dead, _ = kernels.roots.update_single(
             X, Y, noise, nu, np.zeros_like(nu)
         )
-        if self._considered:
+        places = list(considered_states(self._dynamics))
+        if places:
             kept = np.zeros_like(gain)
-            kept[:, self._considered], gain[:, self._considered] = gain[:, self._considered], 0.0
+            kept[:, places], gain[:, places] = gain[:, places], 0.0
             root = kernels.roots.triangular_single(root, kept)
         corrected = SingleRoot(x + _product(gain, white[:, :, None])[:, :, 0], root)
         failed = models.coarse(corrected.x, corrected.covariance)

@@ -12,7 +12,7 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.arithmetic import ArithmeticOptions
-from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
 from relnav_sim.filters.gauss_newton import jacobian_of_runs
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, reading_size
 from relnav_sim.filters.operations import (
@@ -154,10 +154,10 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
             reading = reading + np.where(exact[:, None], reading_size(Gaussian(prior.mean, prior.covariance), H), 0.0)
         update = root_update(X, Y, noise_root, self.measurement.residual(z, expected), reading)
         gain, posterior = update.gain, update.root
-        if self._considered:
+        places = list(considered_states(self.dynamics))
+        if places:
             # What the update took from the considered block is put back as further columns of the root.
             gain, kept = gain.copy(), np.zeros_like(gain)
-            places = list(self._considered)
             kept[:, places], gain[:, places] = gain[:, places], 0.0
             posterior = kernels.roots.triangular(posterior, kept)
         mean = prior.mean + np.einsum("bnm,bm->bn", gain, update.white)

@@ -9,7 +9,7 @@ import numpy as np
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Mask
-from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.dynamics.interface import Dynamics, Step, moves_by_transition
 from relnav_sim.filters.arithmetic import EPS, ModelsInArithmetic
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, LinearisedFilterOptions
@@ -114,7 +114,7 @@ class SquareRootInformationFilter(GaussianFilter):
         F, Q = models.matrices(prior.x, step)
         predict = kernels.srif.predict_single if models.single else kernels.srif.predict
         mean, L, flat = predict(np.ascontiguousarray(prior.x), np.ascontiguousarray(prior.L), F, Q, models.eps)
-        if not self._by_transition:
+        if not moves_by_transition(self.dynamics):
             mean = models.propagate(prior.x, step)
         if len(flat) == 0:
             return replace(prior, x=mean, L=L)

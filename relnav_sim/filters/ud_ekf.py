@@ -10,9 +10,9 @@ from pydantic import Field, model_validator
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Integers
-from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.dynamics.interface import Dynamics, Step, moves_by_transition
 from relnav_sim.filters.arithmetic import EPS, ModelsInArithmetic
-from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
 from relnav_sim.filters.kalman import GaussianFilter, LinearisedFilterOptions
 from relnav_sim.filters.operations import Operations, Size, bytes_of, gram_schmidt, models, product, udu
 from relnav_sim.filters.registry import register_filter
@@ -97,7 +97,6 @@ class FactoredKalmanFilter(GaussianFilter):
         super().__init__(dynamics, measurement, options)
         self._compensated = options.compensated
         self._models = ModelsInArithmetic(dynamics, measurement, options.arithmetic)
-        self._places: Integers = np.array(self._considered, dtype=np.int64)
 
     def start(self, prior: Gaussian, source: RandomSource) -> Any:
         """Return the prior with its covariance factored, in float64; then its factors are rounded."""
@@ -116,7 +115,7 @@ class FactoredKalmanFilter(GaussianFilter):
         if self._compensated:
             x, rest = self._held(self.dynamics.propagate(prior.mean, step))
             return FactoredGaussian(x, U, D, rest)
-        if not self._by_transition:
+        if not moves_by_transition(self.dynamics):
             mean = models.propagate(prior.x, step)
         return FactoredGaussian(mean, U, D)
 
@@ -127,8 +126,9 @@ class FactoredKalmanFilter(GaussianFilter):
         update = kernels.ud.update_single if models.single else kernels.ud.update
         x, U, D = map(np.ascontiguousarray, (prior.x, prior.U, prior.D))
         model = models.linearised(z, x if prior.rest is None else prior.mean, step.epoch)
+        places: Integers = np.array(considered_states(self.dynamics), dtype=np.int64)
         moved, U, D, nis, log_likelihood, contradicted = update(
-            x if prior.rest is None else np.zeros_like(x), U, D, *model, self._places, models.eps
+            x if prior.rest is None else np.zeros_like(x), U, D, *model, places, models.eps
         )
         mean, rest = (moved, None) if prior.rest is None else _added(x, prior.rest, moved)
         corrected = FactoredGaussian(mean, U, D, rest)

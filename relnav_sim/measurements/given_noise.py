@@ -51,7 +51,10 @@ class MixtureNoise:
             raise ValueError(f"the weights of MixtureNoise must be positive and sum to 1; they are {weights.tolist()}")
         if not self.shared and not np.array_equal(matrices * np.eye(matrices.shape[-1]), matrices):
             raise ValueError("MixtureNoise with shared=False needs diagonal covariances")
-        object.__setattr__(self, "weights", weights.copy())
+        weights = weights.copy()
+        for array in (weights, matrices):
+            array.setflags(write=False)  # what follows from them is remembered
+        object.__setattr__(self, "weights", weights)
         object.__setattr__(self, "covariances", matrices)
 
     @cached_property
@@ -63,7 +66,7 @@ class MixtureNoise:
 
 
 def checked_noise(noise: ArrayLike | MixtureNoise, dimension: int | None) -> Array | MixtureNoise:
-    """Return a noise as given, checked.
+    """Return a noise as given, checked: a copy that can't be written to.
 
     Args:
         noise: (m, m), (T, m, m), (runs, T, m, m) or a mixture.
@@ -77,6 +80,7 @@ def checked_noise(noise: ArrayLike | MixtureNoise, dimension: int | None) -> Arr
     else:
         shapes = "(m, m), (T, m, m) or (runs, T, m, m)"
         noise = covariances(noise, "noise", shapes, ([], ["epoch"], ["run", "epoch"]))
+        noise.setflags(write=False)  # who is given a part of it and writes into that would change the next epochs
         size = noise.shape[-1]
     if dimension is not None and size != dimension:
         raise ValueError(f"noise is for {size} components, the measurement has {dimension}")

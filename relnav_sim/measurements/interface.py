@@ -255,8 +255,8 @@ class MeasurementDefaults:
         longer = z if z.size > predicted.size else predicted
         if z.ndim == predicted.ndim > 1 and longer.flags.c_contiguous:
             of, to = (z[None], predicted[None]) if z.ndim == 2 else (z, predicted)
-            (p, *rest), (q, *others) = of.shape[1:], to.shape[1:]
-            if of.ndim == 3 and len(of) == len(to) and rest == others and (p == q or min(p, q) == 1):
+            (runs, p, *rest), (others, q, *m) = of.shape, to.shape
+            if of.ndim == 3 and runs == others and rest == m and (p == q or min(p, q) == 1):
                 found = kernels.angles.difference(matrices(of), matrices(to), _places(tuple(self.angles)))
                 return found.reshape(longer.shape)
         # Of other shapes, or with the points of a run last in memory, where they stay for whoever sums along them.

@@ -11,12 +11,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from relnav_sim.arrays import Array, Integers, Mask
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, has_own_density
+from relnav_sim.measurements.interface import (
+    CompiledUpdate,
+    Measurement,
+    MeasurementDefaults,
+    Mixture,
+    Stretch,
+    has_own_density,
+    linearised,
+    one_by_one,
+    squared_errors,
+    squares_of_states,
+)
 
 
 @dataclass(frozen=True)
@@ -64,6 +76,9 @@ def all_channels(measurement: Measurement) -> Measurement:
     return complete
 
 
+FIXED = ("dimension", "angles", "depends_on", "states", "whole")
+"""What a filter is made for; all else it asks its measurement at every epoch."""
+_OWN = ("complete", "present", "sensors", "_aside", *FIXED)
 _MASKED = ("predict", "jacobian", "noise", "mixture", "residual", "linearised", "squared_errors", "filtered")
 """The functions of a measurement that absent channels change."""
 
@@ -71,7 +86,8 @@ _MASKED = ("predict", "jacobian", "noise", "mixture", "residual", "linearised", 
 class PartialMeasurement(MeasurementDefaults):
     """A measurement whose channels may be absent, run by run.
 
-    Everything that is not said here is as in the measurement behind it.
+    Everything that is not said here is as in the measurement behind it, which is asked each time: a function that is
+    assigned to it counts from then on.
 
     Args:
         base: The measurement with all its channels.
@@ -79,7 +95,7 @@ class PartialMeasurement(MeasurementDefaults):
 
     Attributes:
         complete: The base.
-        present: The channels (runs, m) that are present; None: all, and then its functions are the base's own.
+        present: The channels (runs, m) that are present; None: all.
         sensors: The one sensor.
     """
 
@@ -91,10 +107,8 @@ class PartialMeasurement(MeasurementDefaults):
         self.states = getattr(base, "states", None)
         self.whole = getattr(base, "whole", False)
         self.present: Mask | None = None
-        self._stand_aside()
+        self._aside = False
         self.sensors = (_sensor(name, base, self.whole),)
-        if has_own_density(base):
-            self.log_likelihood = self._own_density  # type: ignore[method-assign]  # only then is there one of its own
 
     def __getattr__(self, name: str) -> Any:
         if name == "complete":
@@ -102,56 +116,100 @@ class PartialMeasurement(MeasurementDefaults):
         return getattr(self.complete, name)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Give a function that absent channels change to the base, which is as if it had had it from the first."""
-        if name not in _MASKED:
-            super().__setattr__(name, value)
-            return
-        setattr(self.complete, name, value)
-        if self.present is None:
-            self._stand_aside()
+        """Give what a user assigns to the base, which is as if it had had it from the first."""
+        if name in ("present", "_aside") or (name in _OWN and name not in vars(self)):
+            object.__setattr__(self, name, value)
+        else:
+            setattr(self.complete, name, value)
 
     def attend(self, present: Mask | None) -> None:
         """Count the channels (runs, m) as present and the others as absent; None: all are present."""
         before, self.present = self.present, present
-        if present is not None:
-            for name in _MASKED:
-                vars(self).pop(name, None)
-        elif before is not None:
-            self._stand_aside()
+        if self._aside and (before is None) != (present is None):
+            self._put_aside()
 
-    def _stand_aside(self) -> None:
-        """Let the functions be those of the base themselves: a filter calls them so often that looking would show."""
-        vars(self).update({name: getattr(self.complete, name) for name in _MASKED if hasattr(self.complete, name)})
+    def stand_aside(self, aside: bool) -> None:
+        """Let the functions be those of the base themselves, or be asked for at each call again.
+
+        While a chunk of epochs is filtered they are called so often that asking would show. Nobody assigns others then.
+        """
+        self._aside = aside
+        self._put_aside()
+
+    def _put_aside(self) -> None:
+        for name in _MASKED:
+            vars(self).pop(name, None)
+        if self._aside and self.present is None:
+            vars(self).update({name: getattr(self.complete, name) for name in _MASKED if hasattr(self.complete, name)})
+
+    def check_extent(self, runs: int, epochs: int) -> None:
+        """Refuse a measurement that is not what the filter was made for, or a block that it is not for.
+
+        Raises:
+            ValueError: It has other angles, say, or other runs, or more epochs, than its noise.
+        """
+        for name in FIXED:
+            made_for, now = vars(self)[name], getattr(self.complete, name, vars(self)[name])
+            if not np.array_equal(now, made_for):
+                raise ValueError(
+                    f"{name} of the measurement is {now!r}, and was {made_for!r} when the filter was made; make it "
+                    "again by create_filter"
+                )
+        check_extent = getattr(self.complete, "check_extent", None)
+        if check_extent is not None:
+            check_extent(runs, epochs)
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return h(states), zero in absent channels."""
-        return zero_absent(self.complete.predict(states, epoch), self._mask)
+        predicted = self.complete.predict(states, epoch)
+        return predicted if self.present is None else zero_absent(predicted, self.present)
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return dh/dx, rows of zeros for absent channels."""
-        return zero_absent_rows(self.complete.jacobian(states, epoch), self._mask, states.shape[:-1])
+        H = self.complete.jacobian(states, epoch)
+        return H if self.present is None else zero_absent_rows(H, self.present, states.shape[:-1])
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R, with a variance of 1 and no correlation for absent channels."""
-        return unit_where_absent(self.complete.noise(mean, epoch), self._mask)
+        R = self.complete.noise(mean, epoch)
+        return R if self.present is None else unit_where_absent(R, self.present)
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the components of the noise, each with a variance of 1 for absent channels."""
         mixture = self.complete.mixture(mean, epoch)
-        if mixture is None:
-            return None
-        return Mixture(mixture.weights, unit_where_absent(mixture.covariances, self._mask[:, None]), mixture.shared)
+        if mixture is None or self.present is None:
+            return mixture
+        covariances = unit_where_absent(mixture.covariances, self.present[:, None])
+        return Mixture(mixture.weights, covariances, mixture.shared)
 
     def residual(self, z: Array, predicted: Array) -> Array:
         """Return the base's residual, zero in absent channels."""
-        return zero_absent(self.complete.residual(z, predicted), self._mask)
+        residual = self.complete.residual(z, predicted)
+        return residual if self.present is None else zero_absent(residual, self.present)
+
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return residual, dh/dx and R at the means, as the base has them where nothing is absent."""
+        if self.present is None:
+            return linearised(self.complete, z, mean, epoch)
+        return one_by_one(self, z, mean, epoch)
+
+    def squared_errors(self, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+        """Return squared errors of samples, as the base has them where nothing is absent."""
+        if self.present is None:
+            return squared_errors(self.complete, z, W, centre, root, e, epoch)
+        return squares_of_states(self, z, W, centre, root, e, epoch)
+
+    def filtered(
+        self, mean: Array, covariance: Array, F: Array, Q: Array, update: CompiledUpdate, stretch: Stretch
+    ) -> int | None:
+        """Fill a stretch as the base does; None where it can't, or something is absent."""
+        own = getattr(self.complete, "filtered", None) if self.present is None else None
+        return None if own is None else own(mean, covariance, F, Q, update, stretch)
 
     @property
-    def _mask(self) -> Mask:
-        assert self.present is not None, (
-            "with all channels present the base's own functions stand in the place of these"
-        )
-        return self.present
+    def log_likelihood(self) -> Callable[[Array, Array, int], Array]:  # whose it is may change
+        """The base's own density where it has one, else the one that follows from the functions above."""
+        return self._own_density if has_own_density(self.complete) else super().log_likelihood
 
     def _own_density(self, z: Array, states: Array, epoch: int) -> Array:
         if self.present is not None and (self.present.any(axis=1) & ~self.present.all(axis=1)).any():
@@ -182,8 +240,10 @@ def unit_where_absent(R: Array, present: Mask) -> Array:
 
 
 def _sensor(name: str, measurement: Measurement, whole: bool) -> Sensor:
-    return Sensor(name, slice(0, measurement.dimension), whole, getattr(measurement, "take", _as_they_are))
+    return Sensor(name, slice(0, measurement.dimension), whole, partial(_taken, measurement))
 
 
-def _as_they_are(z: Array, first_epoch: int) -> Array:
-    return z
+def _taken(measurement: Measurement, z: Array, first_epoch: int) -> Array:
+    """Return what the `take` of a measurement makes of z now, or z where it has none."""
+    take: Callable[[Array, int], Array] | None = getattr(measurement, "take", None)
+    return z if take is None else take(z, first_epoch)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from relnav_sim.measurements.interface import (
     joint_components,
     linearised,
 )
-from relnav_sim.measurements.partial import PartialMeasurement, Sensor
+from relnav_sim.measurements.partial import FIXED, PartialMeasurement, Sensor
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,6 @@ class JoinedMeasurement(MeasurementDefaults):
             part.channels.start + place for part in self._parts for place in getattr(part.measurement, "angles", ())
         )
         self.depends_on = _union([getattr(measurement, "depends_on", None) for measurement in measurements])
-        if any(has_own_density(measurement) for measurement in measurements):
-            self.log_likelihood = self._own_densities  # type: ignore[method-assign]  # only then is there one of its own
 
     def check_extent(self, runs: int, epochs: int) -> None:
         """Refuse a block of measurements that one of the models is not for.
@@ -120,6 +119,12 @@ class JoinedMeasurement(MeasurementDefaults):
             blocks.append(R)
         return residual, self._rows(rows), self._blocks(blocks)
 
+    @property
+    def log_likelihood(self) -> Callable[[Array, Array, int], Array]:  # whose it is may change
+        """The sum of the densities where a measurement has one of its own, else that of the functions above."""
+        own = any(has_own_density(part.measurement) for part in self._parts)
+        return self._own_densities if own else super().log_likelihood
+
     def _active(self) -> tuple[_Part, ...]:
         """Return the measurements that are not passed over."""
         return self._parts
@@ -190,10 +195,25 @@ class SeveralMeasurements(JoinedMeasurement):
             replace(one.sensors[0], channels=part.channels) for one, part in zip(partial, self._parts, strict=True)
         )
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse a function for all sensors at once, which would not say what it is of each, and other angles.
+
+        Raises:
+            AttributeError: It is one.
+        """
+        if "sensors" in vars(self) and (callable(value) or name in FIXED):
+            raise AttributeError(f"this is the measurement of several sensors; assign {name} to that of one of them")
+        super().__setattr__(name, value)
+
     def attend(self, present: Mask | None) -> None:
         """Count the channels (runs, m) as present and the others as absent; None: all are present."""
         self.present = present
         self._looked = False  # which parts that leaves is found out when one of their functions is called
+
+    def stand_aside(self, aside: bool) -> None:
+        """Let the functions of each sensor be those of its measurement themselves, or not."""
+        for one in self._partial:
+            one.stand_aside(aside)
 
     def _active(self) -> tuple[_Part, ...]:
         if not self._looked:

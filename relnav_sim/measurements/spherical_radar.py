@@ -20,6 +20,9 @@ from relnav_sim.measurements.sight import Sight, in_states
 Assumed = Literal["nominal", "total", "mixture"]
 
 
+_UNIT = np.eye(3)
+
+
 @dataclass(frozen=True)
 class SightNoise:
     """What a filter is told about the noise of one radar measurement.
@@ -148,7 +151,7 @@ class SphericalRadar(MeasurementDefaults):
     def _covariance(self, states: Array, epoch: int, variances: Array) -> Array:
         """Return diag(variances) + G P G^T, (..., 3, 3), or (3, 3) with perfect attitude."""
         if not self._turns:
-            return np.diag(variances)
+            return variances * _UNIT
         R = kernels.sight.noise(self._sight.positions(states, epoch), self._rotation, self._attitude, variances)
         return R.reshape(*states.shape[:-1], 3, 3)
 

@@ -48,7 +48,8 @@ class TangentSight(MeasurementDefaults):
         self._rotation = sight.sensor_from_rtn
         self.depends_on = sight.depends_on
         self._attitude = np.ascontiguousarray(noise.attitude) if noise.attitude.any() else None
-        self._covariance = np.diag(noise.variances)[None]
+        self._covariance = np.diag(noise.variances)[None].copy()
+        self._covariance.setflags(write=False)  # as that of `checked_noise`
         self._weights = noise.weights
         self._components = (
             np.square(noise.deviations)[:, None] * np.eye(self.dimension) if noise.has_components else None

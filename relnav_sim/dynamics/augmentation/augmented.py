@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from relnav_sim.arrays import Array
-from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.dynamics.interface import Dynamics, Step, is_still, moves_by_transition
 
 
 class AugmentedDynamics:
@@ -48,8 +48,6 @@ class AugmentedDynamics:
         within_step: ArrayLike | None = None,
     ) -> None:
         self.base = base
-        self.linear = base.linear
-        self.moves_by_transition = getattr(base, "moves_by_transition", False)
         self._n = n = base.dimension
         self._D, self._noise = _square(decay), _square(noise)
         if self._D.shape != self._noise.shape or not _is_covariance(self._noise):
@@ -83,6 +81,16 @@ class AugmentedDynamics:
             raise ValueError(f"within_step has shape {within.shape}; it must be {(n, self.dimension)}")
         if not _is_covariance(np.block([[within], [within[:, n:].T, self._noise]])):
             raise ValueError("within_step and noise are no covariance of [x; b]")
+
+    @property
+    def linear(self) -> bool:
+        """Whether `propagate` is the multiplication, as it is where that of the base is."""
+        return self.base.linear and is_still(self, AugmentedDynamics.propagate)
+
+    @property
+    def moves_by_transition(self) -> bool:
+        """Whether a filter may do both in one."""
+        return moves_by_transition(self.base) and is_still(self, AugmentedDynamics.propagate)
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return states (runs, ..., n + e) after the step."""

@@ -57,11 +57,10 @@ class GpDynamics:
         self.dimension = len(calibration)
         self._base = base
         self._variance = variance
-        self._uncertainty = uncertainty or process
-        self._scale = np.square(calibration * process.output_scale)
+        self._uncertainty = uncertainty
         self._added = np.zeros((self.dimension, self.dimension)) if added_noise is None else added_noise
         self._phase = phase
-        self._known: tuple[Array, int, Array] | None = None
+        self._known: tuple[GaussianProcess | SeparateProcesses, int, Array, Array] | None = None
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return the mean of the next state for states (runs, ..., n)."""
@@ -87,17 +86,19 @@ class GpDynamics:
         if self._variance == "exact":
             # A particle filter asks for the mean at the same states next: the costly kernel values serve both.
             mean, variance = self.process.predict_with_variance(inputs)
-            self._known = (states.copy(), step.epoch, mean.reshape(states.shape))
+            self._known = (self.process, step.epoch, states.copy(), mean.reshape(states.shape))
         else:
-            variance = self._uncertainty.variance(inputs)
-        Q: Array = variance.reshape(*states.shape[:-1], -1)[..., None] * np.diag(self._scale)
+            variance = (self._uncertainty or self.process).variance(inputs)
+        scale = np.square(self.calibration * self.process.output_scale)
+        Q: Array = variance.reshape(*states.shape[:-1], -1)[..., None] * np.diag(scale)
         Q += self._added
         return Q
 
     def _recalled(self, states: Array, step: Step) -> Array | None:
-        if self._known is None or self._known[1] != step.epoch or not np.array_equal(self._known[0], states):
+        if self._known is None:
             return None
-        return self._known[2]
+        process, epoch, known, mean = self._known
+        return mean if process is self.process and epoch == step.epoch and np.array_equal(known, states) else None
 
     def _inputs(self, states: Array, step: Step) -> Array:
         """Return the process's inputs (runs, N, d) for states (runs, ..., n)."""
