@@ -120,12 +120,12 @@ def replay_campaign(
 
 def _watched(watch: Watch, block: Block, replayed: Callable[[], ReplayedBlock]) -> ReplayedBlock:
     """Return what filters make of the measurements of some runs, watched over as a block of a campaign is."""
-    from threadpoolctl import threadpool_limits
+    from threadpoolctl import get_cached_controller
 
     watch.began(block, HERE)
     began = time.monotonic()
     # As in a campaign: the last bits of what is learned depend on the number of BLAS threads.
-    with threadpool_limits(1):
+    with get_cached_controller().limit(limits=1):
         found = replayed()
     reasons = [run.reason for one in found.filters.values() for run in one.failures]
     reasons += [why.reason for why in found.broken.values() for _ in block.runs]
