@@ -46,6 +46,13 @@ def write(dataset: h5d.DatasetID, values: NDArray[Any], first: int = 0) -> None:
     dataset.write(h5s.create_simple(values.shape), rows, values, in_memory)
 
 
+def read(dataset: h5d.DatasetID) -> NDArray[Any]:
+    """Return all numbers of a dataset."""
+    values = np.empty(dataset.shape, dtype=dataset.dtype)
+    dataset.read(h5s.ALL, h5s.ALL, values, _types(values.dtype)[1])
+    return values
+
+
 def set_attributes(place: h5py.h5g.GroupID | h5d.DatasetID, values: Mapping[str, Any]) -> None:
     """Give a group or dataset attributes that it has not yet, each a text or a number."""
     for name, value in values.items():

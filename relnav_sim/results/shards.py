@@ -79,6 +79,27 @@ def write_shard(path: Path, block: BlockResult, seed: int, filter_ids: Mapping[s
         OSError: The file can't be written.
         ValueError: An array does not fit the layout.
     """
+    write_bundle(path, layout.SHARD_FORMAT, _header(block, seed, filter_ids), _arrays(block))
+
+
+def unwritten_shard(path: Path, block: BlockResult, seed: int, filter_ids: Mapping[str, str]) -> Bundle:
+    """Return what `open_shard` would return of a block's shard, without writing one.
+
+    Args:
+        path: What is named where something is wrong with it.
+        block: The results.
+        seed: Seed of the campaign.
+        filter_ids: A hash of each filter's settings, by its name.
+    """
+    return Bundle(path, path.name, _header(block, seed, filter_ids), "", lambda: _arrays(block))
+
+
+def _arrays(block: BlockResult) -> dict[str, AnyArray]:
+    """Return the arrays of a block's shard.
+
+    Raises:
+        ValueError: One does not fit the layout.
+    """
     runs = np.asarray(block.runs, dtype=_RUN.dtype)
     arrays: dict[str, AnyArray] = {
         "run": runs,
@@ -94,10 +115,15 @@ def write_shard(path: Path, block: BlockResult, seed: int, filter_ids: Mapping[s
             arrays[f"filters/{name}/{key}"] = array
         if result.nis.shape != (len(runs), expected[1]):
             raise ValueError(f"{name}: nis has shape {result.nis.shape}; it must be {(len(runs), expected[1])}")
-    header = {
+    return arrays
+
+
+def _header(block: BlockResult, seed: int, filter_ids: Mapping[str, str]) -> dict[str, Any]:
+    """Return what a block's shard says of itself."""
+    return {
         "seed": seed,
-        "runs": runs.tolist(),
-        "epochs": epochs_of(arrays["time"]),
+        "runs": [int(run) for run in block.runs],
+        "epochs": epochs_of(block.time_s),
         "case_index": block.case_index,
         "case_id": block.case_id,
         "filters": {name: filter_ids[name] for name in block.filters},
@@ -106,7 +132,6 @@ def write_shard(path: Path, block: BlockResult, seed: int, filter_ids: Mapping[s
         "columns": {name: asdict(result.columns) for name, result in block.filters.items()},
         "failures": [[f.run, f.filter, f.epoch, f.reason] for f in block.failures],
     }
-    write_bundle(path, layout.SHARD_FORMAT, header, arrays)
 
 
 def open_shard(path: Path) -> Bundle:

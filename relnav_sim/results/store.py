@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from h5py import h5d, h5g, h5l, h5o
 
 from relnav_sim.results import hdf5, layout, seal
 from relnav_sim.results.block import AnyArray, ResultsError
@@ -35,7 +37,7 @@ _TEXT_AT_ONCE = 1 << 26
 """Bytes that are read at once where each text may be as long as the file."""
 
 
-def create(group: h5py.Group, specs: Iterable[Dataset], lengths: dict[str, int]) -> dict[str, h5py.h5d.DatasetID]:
+def create(group: h5py.Group, specs: Iterable[Dataset], lengths: dict[str, int]) -> dict[str, h5d.DatasetID]:
     """Create datasets of the layout with their attributes, and the dimensions that stand beside them.
 
     Args:
@@ -244,33 +246,44 @@ def is_group(group: h5py.Group | h5py.File, name: str) -> bool:
     return isinstance(_own_object(group, name), h5py.Group)
 
 
-def checked(group: h5py.Group, spec: Dataset | Dimension) -> h5py.Dataset:
+Shapes = dict[str, tuple[int, ...] | None]
+"""Shapes of the coordinates in a group by name; None of those that it does not hold."""
+
+
+def checked(group: h5py.Group, spec: Dataset | Dimension, beside: Shapes | None = None) -> h5py.Dataset:
     """Return a dataset after checking that it is stored as the layout says.
+
+    Args:
+        group: The group.
+        spec: The dataset.
+        beside: What is known of the group's coordinates, which need not be opened again; it grows.
 
     Raises:
         ResultsError: It is missing, of another type or number of dimensions, stored elsewhere, or damaged.
     """
-    if odd := _odd_dataset(group, spec, dataset := _own_object(group, spec.name)):
+    dataset = _own_object(group, spec.name)
+    if odd := _odd_dataset(group, spec, dataset, {} if beside is None else beside):
         raise ResultsError(f"{group.file.filename}: {group.name}/{spec.name} {odd}")
     return dataset
 
 
-def _odd_dataset(group: h5py.Group, spec: Dataset | Dimension, dataset: Any) -> str:
+def _odd_dataset(group: h5py.Group, spec: Dataset | Dimension, dataset: Any, beside: Shapes) -> str:
     """Return in words why what a group holds under the name of a dataset is none as the layout says; empty: it is."""
     if not isinstance(dataset, h5py.Dataset):
         return "is missing"
     dims = spec.dims if isinstance(spec, Dataset) else (spec.name,)
     try:
-        dtype, shape = dataset.dtype, dataset.shape or ()
+        dtype, shape, how = dataset.id.dtype, dataset.id.shape or (), dataset.id.get_create_plist()
     except _UNREADABLE as error:
         return f"can't be read ({error})"
     fits = h5py.check_string_dtype(dtype) is not None if spec.dtype in layout.TEXTS else dtype == np.dtype(spec.dtype)
-    if not fits or len(shape) != len(dims) or not _lengths_fit(group, dims, shape):
+    if not fits or len(shape) != len(dims) or not _lengths_fit(group, dims, shape, beside):
         return f"has type {dtype} and shape {shape}; the layout differs"
-    if dataset.external or dataset.is_virtual:
+    if how.get_external_count() or how.get_layout() == h5d.VIRTUAL:
         return "takes its data from other files; this is refused"
-    declared, stored = dataset.size * dataset.dtype.itemsize, dataset.id.get_storage_size()
-    if declared > stored and (stored == 0 or dataset.chunks is None or declared > _most_bytes(dataset)):
+    declared, stored = math.prod(shape) * dtype.itemsize, dataset.id.get_storage_size()
+    chunked = how.get_layout() == h5d.CHUNKED
+    if declared > stored and (stored == 0 or not chunked or declared > _most_bytes(dataset)):
         return "declares more data than the file holds"
     return ""
 
@@ -313,7 +326,10 @@ def values_of(dataset: h5py.Dataset, spec: Dataset | Dimension, index: Any = ...
         ResultsError: The data can't be read, or they can't be what they should be.
     """
     try:
-        values = _texts(dataset)[index] if spec.dtype in layout.TEXTS else np.asarray(dataset[index])
+        if spec.dtype in layout.TEXTS:
+            values = _texts(dataset)[index]
+        else:
+            values = hdf5.read(dataset.id) if index is ... else np.asarray(dataset[index])
         odd = odd_coordinate(spec, values) if isinstance(spec, Dimension) else odd_values(spec, values)
         if odd:
             raise ResultsError(f"{dataset.file.filename}: {dataset.name} {odd}; the file is damaged")
@@ -339,13 +355,15 @@ def run_of_bytes(file: h5py.File, name: str) -> bytes:
         raise ResultsError(f"{where} can't be read ({error})") from None
 
 
-def _lengths_fit(group: h5py.Group, dims: Sequence[str], shape: tuple[int, ...]) -> bool:
+def _lengths_fit(group: h5py.Group, dims: Sequence[str], shape: tuple[int, ...], beside: Shapes) -> bool:
     for dim, length in zip(dims, shape, strict=True):
         values = layout.DIMENSIONS[dim].values
         if values is not None and length != len(values):
             return False
-        coordinate = _own_object(group, dim) if values is None else None
-        if isinstance(coordinate, h5py.Dataset) and coordinate.shape != (length,):
+        if values is None and dim not in beside:
+            coordinate = _own_object(group, dim)
+            beside[dim] = coordinate.shape if isinstance(coordinate, h5py.Dataset) else None
+        if beside.get(dim) not in (None, (length,)):
             return False
     return True
 
@@ -365,15 +383,18 @@ def _check_format(file: h5py.File, path: Path, expected: str) -> None:
 
 def _own_object(group: h5py.Group | h5py.File, name: str) -> Any:
     """Return what the file itself holds under a name, and under no other; None where there is nothing."""
+    place = name.encode()
     try:
-        own = group.id.links.get_info(name.encode()).type == h5py.h5l.TYPE_HARD
-        found: Any = group[name] if own else None
-        single = own and h5py.h5o.get_info(found.id).rc == 1
+        own = group.id.links.get_info(place).type == h5l.TYPE_HARD
+        info = h5o.get_info(group.id, place) if own else None
+        if info is not None and info.rc == 1:
+            # h5py's own look-up opens the object, asks what it is and how its file was opened.
+            if info.type == h5o.TYPE_DATASET:
+                return h5py.Dataset(h5d.open(group.id, place), readonly=True)
+            return h5py.Group(h5g.open(group.id, place))
     except _UNREADABLE:
         return None
-    if not single:
-        raise ResultsError(f"{group.file.filename}: {group.name}/{name} is a link to something else; this is refused")
-    return found
+    raise ResultsError(f"{group.file.filename}: {group.name}/{name} is a link to something else; this is refused")
 
 
 def _type(dtype: str) -> np.dtype[Any]:
@@ -387,7 +408,7 @@ def _fixed_texts(values: Iterable[Any]) -> AnyArray:
 
 def _described(
     group: h5py.Group, spec: Dataset | Dimension, dtype: np.dtype[Any], shape: tuple[int, ...]
-) -> h5py.h5d.DatasetID:
+) -> h5d.DatasetID:
     """Create a dataset and write what it means."""
     dataset = hdf5.create(group, spec.name, dtype, shape)
     timing = {"timing": 1} if isinstance(spec, Dataset) and spec.timing else {}

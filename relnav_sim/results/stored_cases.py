@@ -227,6 +227,7 @@ class _Stack:
     group: h5py.Group
     ahead: ReadAhead
     _checked: dict[Dataset | Dimension, h5py.Dataset] = field(default_factory=dict)
+    _beside: store.Shapes = field(default_factory=dict)
     _kept: dict[Any, Any] = field(default_factory=dict)
 
     @property
@@ -271,7 +272,7 @@ class _Stack:
         """Return a dataset, checked when it is asked for first."""
         dataset = self._checked.get(spec)
         if dataset is None:
-            dataset = self._checked[spec] = store.checked(self.group, spec)
+            dataset = self._checked[spec] = store.checked(self.group, spec, self._beside)
         return dataset
 
     def read(self, spec: Dataset | Dimension, index: Any) -> AnyArray:

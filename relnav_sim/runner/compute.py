@@ -52,13 +52,13 @@ def compute(task: Task, learned: Learned) -> Outcome:
         MemoryError: There is too little memory for it; the message says what there was none for.
         OSError: The file can't be written.
     """
-    from threadpoolctl import threadpool_limits
+    from threadpoolctl import get_cached_controller
 
     task.busy.touch()
     began = time.monotonic()
     try:
         # Threads of BLAS would fight with the other workers; the matrices here are small.
-        with threadpool_limits(1):
+        with get_cached_controller().limit(limits=1):
             outcome = _bound(task, learned) if isinstance(task, BoundTask) else _simulated(task, learned)
         return replace(outcome, seconds=time.monotonic() - began, memory_bytes=peak_memory())
     except Exception as error:

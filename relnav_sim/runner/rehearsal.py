@@ -180,7 +180,7 @@ def rehearse(tasks: Sequence[Task], is_helped: bool) -> str | None:
         tasks: What is to be computed.
         is_helped: Whether another process compiles ahead, as this one then does too.
     """
-    from threadpoolctl import threadpool_limits
+    from threadpoolctl import get_cached_controller
 
     from relnav_sim.kernels import code_folder as folder
     from relnav_sim.simulation.learned import Learned
@@ -190,7 +190,7 @@ def rehearse(tasks: Sequence[Task], is_helped: bool) -> str | None:
         with suppress(Exception):
             compile_ahead(tasks, place=0)
     learned, idle_s = Learned(), 0.0
-    with threadpool_limits(1):
+    with get_cached_controller().limit(limits=1):
         for task in tasks:
             before, kept_before = time.process_time(), sum(map(is_kept, kernel_names()))
             _run(task, EPOCHS, RUNS, learned)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -22,10 +21,11 @@ from relnav_sim.recorded.readings import Readings
 from relnav_sim.recorded.readings_files import load_readings
 from relnav_sim.results.campaign_header import ReplayHeader
 from relnav_sim.results.failure_kinds import kind_of
-from relnav_sim.results.merge import merge_shards
+from relnav_sim.results.merge import merge_pieces
 from relnav_sim.results.missing_runs import run_ranges
+from relnav_sim.results.pieces import bundle_piece
 from relnav_sim.results.provenance import collect_provenance
-from relnav_sim.results.shards import write_shard
+from relnav_sim.results.shards import unwritten_shard
 from relnav_sim.runner.compute import Outcome
 from relnav_sim.runner.executors.interface import Ended
 from relnav_sim.runner.job import result_header
@@ -120,12 +120,12 @@ def replay_campaign(
 
 def _watched(watch: Watch, block: Block, replayed: Callable[[], ReplayedBlock]) -> ReplayedBlock:
     """Return what filters make of the measurements of some runs, watched over as a block of a campaign is."""
-    from threadpoolctl import threadpool_limits
+    from threadpoolctl import get_cached_controller
 
     watch.began(block, HERE)
     began = time.monotonic()
     # As in a campaign: the last bits of what is learned depend on the number of BLAS threads.
-    with threadpool_limits(1):
+    with get_cached_controller().limit(limits=1):
         found = replayed()
     reasons = [run.reason for one in found.filters.values() for run in one.failures]
     reasons += [why.reason for why in found.broken.values() for _ in block.runs]
@@ -151,14 +151,9 @@ def write_result(replay: Replay, out: Path) -> Path:
         replay=ReplayHeader({file.path: file.sha256 for file in replay.files}, replay.truth, tuple(runs)),
     )
     out.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent.absolute()) as folder:
-        shards = []
-        for number, result in enumerate(replay.block.results):
-            path = Path(folder) / f"{number}.h5"
-            write_shard(path, result, campaign.seed, {name: case.filter_ids[name] for name in result.filters})
-            shards.append(path)
-        provenance = collect_provenance(replay.started, datetime.now(UTC), replay.wall_time_s)
-        merge_shards(shards, header, provenance, out, complete=False)
+    shards = [unwritten_shard(out, result, campaign.seed, case.filter_ids) for result in replay.block.results]
+    provenance = collect_provenance(replay.started, datetime.now(UTC), replay.wall_time_s)
+    merge_pieces(map(bundle_piece, shards), header, provenance, out, complete=False)
     return out
 
 

@@ -17,9 +17,10 @@ from sensors_result import CHANNELS, with_sensors
 from relnav_sim.results import layout
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.results.campaign_header import CaseHeader, ResultHeader
-from relnav_sim.results.merge import merge_shards
+from relnav_sim.results.merge import merge_pieces
+from relnav_sim.results.pieces import bundle_piece
 from relnav_sim.results.provenance import Provenance
-from relnav_sim.results.shards import write_shard
+from relnav_sim.results.shards import unwritten_shard
 
 Array = NDArray[np.float64]
 ResultMaker = Callable[..., Path]
@@ -114,7 +115,7 @@ def invented_result(
         name, text, content, "0123456789abcdef" * 4, 7, planned or runs, cases, {"mu_m3_s2": 3.986e14},
         stopping=stopping or {},
     )  # fmt: skip
-    shards = []
+    out, shards = folder / "invented.h5", []
     for index, case in enumerate(cases[:computed_cases]):
         truth = np.tile(np.array([0.0, 12000.0, 0.0, 0.0, 0.0, 0.0]), (runs if dispersed else 1, times, 1))
         if dispersed:
@@ -141,10 +142,8 @@ def invented_result(
             for run in lost
         )
         block = BlockResult(index, case.id, tuple(range(runs)), time_s, truth, results, failures, not dispersed)
-        shards.append(folder / f"shard{index}.h5")
-        write_shard(shards[-1], block, header.seed, dict.fromkeys(sizes, "0"))
-    out = folder / "invented.h5"
-    merge_shards(shards, header, _provenance(), out, complete=False)
+        shards.append(unwritten_shard(out, block, header.seed, dict.fromkeys(sizes, "0")))
+    merge_pieces(map(bundle_piece, shards), header, _provenance(), out, complete=False)
     return out
 
 

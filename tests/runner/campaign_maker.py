@@ -1,5 +1,7 @@
 """The small campaign as a fixture."""
 
+import functools
+
 import pytest
 from small_campaign import TEXT
 
@@ -8,8 +10,9 @@ from relnav_sim.campaign.load import parse_campaign
 
 @pytest.fixture(scope="session")
 def make_campaign():
-    """Return a maker of the small campaign with overrides."""
+    """Return a maker of the small campaign with overrides; of the same ones it returns the same campaign."""
 
+    @functools.cache
     def make(*overrides: str):
         return parse_campaign(TEXT, overrides)
 

@@ -133,7 +133,8 @@ def test_runs_that_failed_differently_are_a_conflict(parts, tmp_path):
     ],
 )
 def test_other_campaigns_are_refused(parts, tmp_path, make_campaign, changes, words):
-    other = run_campaign(make_campaign(*changes, "bound=false"), tmp_path / "other.h5", backend="sequential")
+    made = make_campaign(*changes, "bound=false", "block_runs=1")
+    other = run_campaign(made, tmp_path / "other.h5", backend="sequential", part=(1, 12))
     with pytest.raises(RefusedError, match=words):
         merge_results(tmp_path / "merged.h5", [parts[0], other])
 

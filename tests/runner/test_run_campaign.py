@@ -39,9 +39,7 @@ def test_workers_and_backend_do_not_show(campaign, tmp_path, reference, workers,
     assert_same_bits(reference, out)
 
 
-@pytest.mark.parametrize(
-    "size", [1, pytest.param(2, marks=pytest.mark.slow), 5, pytest.param(6, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("size", [1, *(pytest.param(size, marks=pytest.mark.slow) for size in (2, 5, 6))])
 def test_the_block_does_not_show(campaign, tmp_path, reference, size):
     out = run_campaign(campaign(f"block_runs={size}"), tmp_path / "out.h5", backend="sequential")
     assert_same_bits(reference, out)
@@ -159,7 +157,7 @@ class Diverges(Raises):
 
 def test_one_bad_run_costs_only_itself(campaign, tmp_path, reference):
     out = tmp_path / "out.h5"
-    run_campaign(campaign("filters.bad={kind: test_raises}"), out, backend="sequential")
+    run_campaign(campaign("filters.bad={kind: test_raises}", "bound=false"), out, backend="sequential")
     with open_results(out) as results, open_results(reference) as good:
         for case in range(2):
             failures = [failure for _, failure in results.failures(case)]
@@ -175,7 +173,7 @@ def test_one_bad_run_costs_only_itself(campaign, tmp_path, reference):
 
 def test_a_filter_that_becomes_infinite_fails_at_its_epoch(campaign, tmp_path):
     out = tmp_path / "out.h5"
-    run_campaign(campaign("filters.bad={kind: test_diverges}"), out, backend="sequential")
+    run_campaign(campaign("filters.bad={kind: test_diverges}", "bound=false"), out, backend="sequential")
     with open_results(out) as results:
         ((_, failure),) = results.failures(0)
         assert (failure.run, failure.filter, failure.epoch) == (3, "bad", 12)
@@ -185,7 +183,7 @@ def test_a_filter_that_becomes_infinite_fails_at_its_epoch(campaign, tmp_path):
 def test_max_failures_stops_and_keeps_what_is_finished(campaign, tmp_path):
     out, said = tmp_path / "out.h5", []
     run_campaign(
-        campaign("filters.bad={kind: test_raises}", "block_runs=1"),
+        campaign("filters.bad={kind: test_raises}", "block_runs=1", "bound=false"),
         out,
         backend="sequential",
         max_failures=0,
@@ -199,7 +197,9 @@ def test_max_failures_stops_and_keeps_what_is_finished(campaign, tmp_path):
 
 def test_a_missing_first_fix_fails_that_run_with_its_reason(campaign, tmp_path):
     out = tmp_path / "out.h5"
-    parsed = campaign("sensors.radar.range_limits_m=[100, 2000]", "truth.dispersions.relative_position.sigma_m=200")
+    parsed = campaign(
+        "sensors.radar.range_limits_m=[100, 2000]", "truth.dispersions.relative_position.sigma_m=200", "bound=false"
+    )
     run_campaign(parsed, out, backend="sequential")
     with open_results(out) as results:
         failed = results.statistic(0, "kf", "failed").astype(bool)
