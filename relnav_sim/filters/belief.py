@@ -92,7 +92,7 @@ class KeepsModels:
         Raises:
             AttributeError: They are others.
         """
-        if name in ("dynamics", "measurement") and name in vars(self):
+        if name in ("dynamics", "measurement") and vars(self).get(name, value) is not value:
             raise AttributeError(f"a filter keeps the {name} that it was made of; make another one with create_filter")
         super().__setattr__(name, value)
 
