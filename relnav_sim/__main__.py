@@ -8,7 +8,6 @@ if __name__ == "__main__" and not sys.flags.safe_path:
     # `python -m` looks into the working folder first, where a random.py is the user's own; now it does so last.
     sys.path.append(sys.path.pop(0))
 
-import gc
 import os
 import signal
 import threading
@@ -41,7 +40,6 @@ def main() -> None:
 def _leave(code: int) -> NoReturn:
     sys.stdout.flush()
     sys.stderr.flush()
-    gc.freeze()  # the system takes the memory back at once; Python would go through all of it first
     last = threading.Timer(LONGEST_END_S, os._exit, (code,))
     last.daemon = True
     last.start()

@@ -16,6 +16,8 @@ from relnav_sim.linalg import factor, runs_last, symmetric, transpose
 _ROUNDING = 1e-9
 """Largest asymmetry, and largest negative eigenvalue, of a correlation matrix that counts as rounding: matrices that
 were computed in double precision have less, and typing errors more."""
+_LARGEST = float(np.finfo(np.float64).max) / 2
+"""Of what is larger, twice is infinite."""
 
 
 def numbers(given: ArrayLike, name: str, masked_is_missing: bool = False) -> Array:
@@ -117,6 +119,7 @@ def covariances(given: ArrayLike, name: str, shapes: str, leading: Sequence[Sequ
             of = f" of {_place(axes, [int(i) for i in place])}" if axes else ""
             raise ValueError(f"{name}{of} is no covariance: {fault}")
 
+    complain(np.abs(stack).max(axis=(1, 2)) > _LARGEST, f"an entry exceeds {_LARGEST:g}")
     variances = np.einsum("kii->ki", stack)
     for i in np.flatnonzero((variances < 0).any(axis=0)):
         complain(variances[:, i] < 0, f"the variance in row {i} is negative")

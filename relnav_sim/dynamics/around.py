@@ -6,14 +6,12 @@ from typing import Any
 
 from relnav_sim.dynamics.interface import Dynamics
 
-_FUNCTIONS = ("propagate", "transition", "process_noise")
-
 
 class AroundDynamics:
     """Dynamics that are their base in all that a subclass does not change.
 
     Args:
-        base: The dynamics, asked each time: a function that is assigned to them counts from then on.
+        base: The dynamics, asked each time: what is assigned to them counts from then on.
     """
 
     def __init__(self, base: Dynamics) -> None:
@@ -25,8 +23,8 @@ class AroundDynamics:
         return getattr(self._base, name)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Give a function to the base, which is as if it had had it from the first."""
-        if name in _FUNCTIONS:
+        """Give the base what is its own, which is as if it had had it from the first."""
+        if name[0] != "_" and hasattr(self._base, name):
             setattr(self._base, name, value)
         else:
             super().__setattr__(name, value)

@@ -38,7 +38,7 @@ class Dynamics(Protocol):
     `linear` promises that `propagate` is exactly multiplication by `transition`. Dynamics that have no other
     `propagate` than that may say so by an attribute ``moves_by_transition``: a filter then does both in one. It asks
     for both at each step. Where F and Q follow from the epoch alone, ``known_steps(first_epoch, count)`` may return
-    them for many epochs, or None.
+    them for many epochs, or None; what it returns counts, whatever function is assigned to the dynamics beside it.
     """
 
     dimension: int
@@ -64,14 +64,29 @@ class Dynamics(Protocol):
 class ByTransition:
     """Dynamics that move by their transition, unless a derived class, or one object, has another `propagate`."""
 
-    leaves_arguments_alone = True
+    linear = moves_by_transition = leaves_arguments_alone = True
 
-    @property
-    def linear(self) -> bool:
-        """Whether `propagate` is the multiplication."""
-        return type(self).propagate is ByTransition.propagate and "propagate" not in vars(self)
+    def __init_subclass__(cls, **given: Any) -> None:
+        """Take back what is promised of `propagate` where a class has another one, and does not promise it anew."""
+        super().__init_subclass__(**given)
+        for promise in _OF_PROPAGATE:
+            if _place(cls, "propagate") < _place(cls, promise):
+                setattr(cls, promise, False)
 
-    moves_by_transition = linear
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set an attribute; where it is `propagate`, what is promised of it goes, until the class's own is put back."""
+        super().__setattr__(name, value)
+        if name == "propagate":
+            still = is_still(self, type(self).propagate)
+            for promise in _OF_PROPAGATE:
+                super().__setattr__(promise, still and getattr(type(self), promise))
+
+    def __delattr__(self, name: str) -> None:
+        """Remove an attribute; with `propagate` what was taken back of it."""
+        super().__delattr__(name)
+        if name == "propagate":
+            for promise in _OF_PROPAGATE:
+                vars(self).pop(promise, None)
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return F x for every state, (runs, ..., n)."""
@@ -80,6 +95,14 @@ class ByTransition:
     def transition(self, mean: Array, step: Step) -> Array:
         """Return F of this epoch, (n, n)."""
         raise NotImplementedError
+
+
+_OF_PROPAGATE = ("linear", "moves_by_transition")
+
+
+def _place(kind: type, name: str) -> int:
+    """Return how far from a class the one is that says what it has under a name."""
+    return next(place for place, each in enumerate(kind.__mro__) if name in vars(each))
 
 
 class LinearDynamics(ByTransition):
@@ -153,9 +176,15 @@ def is_still(owner: Any, *functions: Callable[..., Any]) -> bool:
     kind, assigned = type(owner), vars(owner)
     for function in functions:
         name = function.__name__
-        if name in assigned or getattr(kind, name) is not function:
+        if getattr(kind, name) is not function or (name in assigned and not _bound_to(owner, function)):
             return False
     return True
+
+
+def _bound_to(owner: Any, function: Callable[..., Any]) -> bool:
+    """Return whether what an object has under the name of a function is that function, as when it was put back."""
+    found = getattr(owner, function.__name__)
+    return getattr(found, "__func__", None) is function and found.__self__ is owner
 
 
 def moves_by_transition(dynamics: Dynamics) -> bool:

@@ -84,7 +84,13 @@ class Filter(Protocol):
 
 
 class KeepsModels:
-    """A filter whose dynamics and measurement stay those that it was made of: parts of it hold them too."""
+    """A filter whose dynamics and measurement, once it is made, stay those that it was made of: parts hold them too."""
+
+    _is_made = False
+
+    def keep_models(self) -> None:
+        """Refuse other models from now on; until then a derived class may put its own in their places."""
+        self._is_made = True
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Set an attribute, but no other models.
@@ -92,7 +98,7 @@ class KeepsModels:
         Raises:
             AttributeError: They are others.
         """
-        if name in ("dynamics", "measurement") and vars(self).get(name, value) is not value:
+        if self._is_made and name in ("dynamics", "measurement") and vars(self).get(name, value) is not value:
             raise AttributeError(f"a filter keeps the {name} that it was made of; make another one with create_filter")
         super().__setattr__(name, value)
 

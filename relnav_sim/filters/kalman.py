@@ -105,8 +105,8 @@ class GaussianFilter(KeepsModels):
         """Return the corrected belief with the considered states as predicted."""
         if self._single is not None:
             return self._single.keep_considered(predicted, corrected)
-        considered = getattr(self.dynamics, "considered", ())
-        return keep_considered(predicted, corrected, considered) if considered else corrected
+        considered = getattr(self.dynamics, "considered", None)
+        return corrected if considered is None else keep_considered(predicted, corrected, tuple(considered))
 
     def epochs_by(
         self, of: type, update: CompiledUpdate, belief: Gaussian, stretch: Stretch, first_epoch: int

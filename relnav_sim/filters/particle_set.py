@@ -174,7 +174,8 @@ def log_likelihood(measurement: Measurement, z: Array, states: Array, mean: Arra
 def wrapped_components(measurement: Measurement) -> Mask | None:
     """Return which components (m,) of a residual are wrapped as angles; None: it has a residual of its own."""
     complete = all_channels(measurement)
-    is_default = getattr(complete.residual, "__func__", None) is MeasurementDefaults.residual
+    function, owner = (getattr(complete.residual, name, None) for name in ("__func__", "__self__"))
+    is_default = function is MeasurementDefaults.residual and owner is complete
     if present_channels(measurement) is not None or not is_default:
         return None
     angle = np.zeros(measurement.dimension, dtype=bool)

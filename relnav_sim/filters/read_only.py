@@ -22,7 +22,6 @@ class ReadOnlyDynamics(AroundDynamics):
 
     def __init__(self, base: Dynamics) -> None:
         super().__init__(base)
-        self.dimension = base.dimension
         self._name = type(base).__name__
 
     def propagate(self, states: Array, step: Step) -> Array:
@@ -66,6 +65,13 @@ class ReadOnlyMeasurement:
         if name == "_base":
             raise AttributeError(name)  # while it is unpickled
         return getattr(self._base, name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Give what a user assigns to the measurement behind it."""
+        if name in ("_base", "_name"):
+            super().__setattr__(name, value)
+        else:
+            setattr(self._base, name, value)
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return h(states)."""

@@ -16,7 +16,7 @@ from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.dynamics.process_noise import AddedNoiseOptions, process_noise_matrix
 from relnav_sim.dynamics.white_noise import AddedNoise, WhiteAcceleration
-from relnav_sim.filters.belief import Filter, considered_states
+from relnav_sim.filters.belief import Filter, KeepsModels, considered_states
 from relnav_sim.filters.editing_options import EditingOptions
 from relnav_sim.filters.operations import Formula
 from relnav_sim.filters.read_only import ReadOnlyDynamics, ReadOnlyMeasurement, read_only
@@ -275,7 +275,10 @@ def create_filter(
         else:
             white = WhiteAcceleration(moving, system, noise.adaptive.start.densities, noise.step_s)
             made = CovarianceMatching(kind.factory(white, attending, checked), white, noise.adaptive.window)
-    return edited(made, edits, getattr(checked, "gate_probability", None))
+    filter = edited(made, edits, getattr(checked, "gate_probability", None))
+    if isinstance(filter, KeepsModels):
+        filter.keep_models()
+    return filter
 
 
 def _check_noise(kind: FilterKind, dynamics: Dynamics, noise: AddedNoiseOptions) -> None:

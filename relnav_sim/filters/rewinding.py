@@ -51,7 +51,6 @@ class RewindableDynamics(AroundDynamics):
         super().__init__(base)
         self._before: Dynamics = base
         self._first_epoch = 0
-        self.dimension = base.dimension
 
     def keep(self, first_epoch: int) -> None:
         """Keep the dynamics as they are, before they are fed the chunk that begins with this epoch."""

@@ -79,7 +79,7 @@ def all_channels(measurement: Measurement) -> Measurement:
 FIXED = ("dimension", "angles", "depends_on", "states", "whole")
 """What a filter is made for; all else it asks its measurement at every epoch."""
 _OWN = ("complete", "present", "sensors", "_aside", *FIXED)
-_MASKED = ("predict", "jacobian", "noise", "mixture", "residual", "linearised", "squared_errors", "filtered")
+MASKED = ("predict", "jacobian", "noise", "mixture", "residual", "linearised", "squared_errors", "filtered")
 """The functions of a measurement that absent channels change."""
 
 
@@ -102,7 +102,7 @@ class PartialMeasurement(MeasurementDefaults):
     def __init__(self, base: Measurement, name: str = "") -> None:
         self.complete = base
         self.dimension = base.dimension
-        self.angles = getattr(base, "angles", ())
+        self.angles = tuple(getattr(base, "angles", ()))
         self.depends_on = getattr(base, "depends_on", None)
         self.states = getattr(base, "states", None)
         self.whole = getattr(base, "whole", False)
@@ -137,10 +137,10 @@ class PartialMeasurement(MeasurementDefaults):
         self._put_aside()
 
     def _put_aside(self) -> None:
-        for name in _MASKED:
+        for name in MASKED:
             vars(self).pop(name, None)
         if self._aside and self.present is None:
-            vars(self).update({name: getattr(self.complete, name) for name in _MASKED if hasattr(self.complete, name)})
+            vars(self).update({name: getattr(self.complete, name) for name in MASKED if hasattr(self.complete, name)})
 
     def check_extent(self, runs: int, epochs: int) -> None:
         """Refuse a measurement that is not what the filter was made for, or a block that it is not for.

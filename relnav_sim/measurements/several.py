@@ -18,7 +18,7 @@ from relnav_sim.measurements.interface import (
     joint_components,
     linearised,
 )
-from relnav_sim.measurements.partial import FIXED, PartialMeasurement, Sensor
+from relnav_sim.measurements.partial import FIXED, MASKED, PartialMeasurement, Sensor
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ class SeveralMeasurements(JoinedMeasurement):
         Raises:
             AttributeError: It is one.
         """
-        if "sensors" in vars(self) and (callable(value) or name in FIXED):
+        if "sensors" in vars(self) and name in (*FIXED, *MASKED, "log_likelihood", "take"):
             raise AttributeError(f"this is the measurement of several sensors; assign {name} to that of one of them")
         super().__setattr__(name, value)
 

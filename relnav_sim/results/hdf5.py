@@ -48,7 +48,7 @@ def write(dataset: h5d.DatasetID, values: NDArray[Any], first: int = 0) -> None:
 
 def read(dataset: h5d.DatasetID) -> NDArray[Any]:
     """Return all numbers of a dataset."""
-    values = np.empty(dataset.shape, dtype=dataset.dtype)
+    values = np.zeros(dataset.shape, dtype=dataset.dtype)  # a chunk that the file lacks may leave its place as it is
     dataset.read(h5s.ALL, h5s.ALL, values, _types(values.dtype)[1])
     return values
 

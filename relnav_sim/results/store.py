@@ -362,7 +362,7 @@ def _lengths_fit(group: h5py.Group, dims: Sequence[str], shape: tuple[int, ...],
             return False
         if values is None and dim not in beside:
             coordinate = _own_object(group, dim)
-            beside[dim] = coordinate.shape if isinstance(coordinate, h5py.Dataset) else None
+            beside[dim] = (coordinate.shape or ()) if isinstance(coordinate, h5py.Dataset) else None
         if beside.get(dim) not in (None, (length,)):
             return False
     return True

@@ -22,8 +22,12 @@ from relnav_sim import (
     run_filter,
 )
 from relnav_sim.dynamics.augmentation.augmented import AugmentedDynamics
+from relnav_sim.filters import registry
+from relnav_sim.filters.ekf import ExtendedKalmanFilter
+from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.measurements.converted_radar import ConvertedRadar
+from relnav_sim.measurements.partial import PartialMeasurement
 from relnav_sim.measurements.spherical_radar import SightNoise
 
 MEAN0, COV0 = np.array([0.0, 5000.0, 200.0, 0.0, 0.0, 0.0]), np.diag([10.0] * 3 + [0.1] * 3) ** 2
@@ -60,12 +64,16 @@ def plus(function, what, *arguments):
     return function(*arguments) + what
 
 
+def bent(function, states, step):
+    return function(states, step) + 1e-3 * np.square(states)
+
+
 def times(function, factor, *arguments):
     return factor * function(*arguments)
 
 
 OF_DYNAMICS = {
-    "propagate": lambda own: partial(plus, own, np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0])),
+    "propagate": lambda own: partial(bent, own),  # which linear formulas do not give
     "transition": lambda own: partial(times, own, 1.05),
     "process_noise": lambda own: partial(times, own, 5.0),
 }
@@ -225,13 +233,14 @@ CONSIDERING = [(kind, {}) for kind in KINDS if filter_kinds()[kind].considers]
 IN_SINGLE = [(kind, {"arithmetic": "float32"}) for kind, _ in CONSIDERING if filter_kinds()[kind].in_single]
 
 
+@pytest.mark.parametrize("places", [(1, 2), (0,)])
 @pytest.mark.parametrize(("kind", "options"), CONSIDERING + IN_SINGLE)
-def test_states_that_are_considered_afterwards_count(kind, options):
+def test_states_that_are_considered_afterwards_count(kind, options, places):
     z, options = readings(MEASUREMENTS["gnss"](), "gnss") + 3.0, small_options(kind) | options
     models = [DYNAMICS["augmented"]() for _ in range(3)]
-    models[2].considered = (1, 2)
+    models[2].considered = places
     filters = [create_filter(kind, each, MEASUREMENTS["gnss"](), **options) for each in models]
-    models[0].considered = (1, 2)
+    models[0].considered = np.array(places)  # in whatever form
     found, plain, expected = (numbers(each, z) for each in filters)
     np.testing.assert_array_equal(found, expected)
     assert np.abs(found - plain).max() > 1e-6
@@ -267,7 +276,129 @@ def test_a_filter_keeps_its_models(kind, options):
     for name, other in (("dynamics", LinearDynamics(F, Q)), ("measurement", sensor)):
         with pytest.raises(AttributeError, match=f"keeps the {name} .* make another one with create_filter"):
             setattr(filter, name, other)
-        setattr(filter, name, getattr(filter, name))  # as the __init__ of a derived class may
+        setattr(filter, name, getattr(filter, name))
+
+
+def test_a_derived_filter_may_choose_its_measurement_while_it_is_made(monkeypatch):
+    monkeypatch.setattr(registry, "_KINDS", filter_kinds())
+    chosen = LinearMeasurement(np.eye(3, 6), 4 * np.eye(3))
+
+    @registry.register_filter("chooses", GaussianFilterOptions)
+    class Chooses(ExtendedKalmanFilter):
+        def __init__(self, dynamics, measurement, options):
+            super().__init__(dynamics, measurement, options)
+            self.measurement = PartialMeasurement(chosen)
+
+    z, given = readings(chosen, "gnss"), LinearMeasurement(np.eye(3, 6), np.eye(3))
+    made, other = (
+        create_filter("chooses", LinearDynamics(F, Q), given),
+        create_filter("ekf", LinearDynamics(F, Q), chosen),
+    )
+    np.testing.assert_array_equal(numbers(made, z), numbers(other, z))
+    with pytest.raises(AttributeError, match="keeps the measurement"):
+        made.measurement = given
+
+
+class Straight(LinearDynamics):
+    def propagate(self, states, step):
+        return states @ F.T
+
+
+class Promised(Straight):
+    linear = True
+
+
+@pytest.mark.parametrize(
+    ("of", "linear"),
+    [(LinearDynamics, True), (Straight, False), (Promised, True), (type("Sub", (Promised,), {}), True)],
+)
+def test_what_is_promised_of_propagate_goes_with_it_and_comes_back(of, linear):
+    motion = of(F, Q)
+    known = motion.known_steps(0, 3)
+    assert motion.linear == linear and motion.moves_by_transition == (of is LinearDynamics)
+    own = motion.propagate
+    motion.propagate = partial(bent, own)
+    assert not motion.linear and not motion.moves_by_transition and motion.known_steps(0, 3) is None
+    motion.propagate = own
+    assert motion.linear == linear and motion.moves_by_transition == (of is LinearDynamics)
+    assert (motion.known_steps(0, 3) is None) == (known is None)
+    motion.propagate = of(F, Q).propagate  # of another object
+    assert not motion.linear
+    del motion.propagate
+    assert motion.linear == linear
+    motion.linear = not linear  # a user's own promise
+    assert motion.linear != linear
+
+
+def test_a_mixin_s_propagate_takes_the_promise_back():
+    class Moves:
+        def propagate(self, states, step):
+            return states
+
+    assert not type("Mixed", (Moves, LinearDynamics), {})(F, Q).linear
+
+
+def test_augmented_dynamics_with_another_transition_are_not_linear():
+    motion = DYNAMICS["augmented"]()
+    assert motion.linear and motion.moves_by_transition
+    motion.transition = partial(times, motion.transition, 1.05)
+    assert not motion.linear and not motion.moves_by_transition
+
+
+@pytest.mark.parametrize("kind", ["particle", "unscented_particle"])
+def test_the_residual_of_a_second_object_wraps_its_own_angles(kind):
+    def found(residual):
+        turning, plain = (FunctionMeasurement(lambda x, epoch: x[..., :1], [[1.0]], angles=a) for a in ([0], []))
+        plain.residual = residual(turning)
+        filter = create_filter(kind, LinearDynamics(np.eye(1), np.eye(1)), plain, **small_options(kind))
+        return run_filter(filter, np.full((2, 3, 1), 6.2), [0.0], [[4.0]]).mean
+
+    as_it_is, asked = found(lambda other: other.residual), found(lambda other: lambda z, h: other.residual(z, h))
+    np.testing.assert_array_equal(as_it_is, asked)
+
+
+class Unguarded:
+    """A user's measurement of one number, with an attribute that its functions go by."""
+
+    dimension, sigma = 1, 1.0
+
+    def __init__(self):
+        self.angles = []
+
+    def predict(self, states, epoch):
+        return states[..., :1]
+
+    def jacobian(self, states, epoch):
+        return np.eye(1, 6)
+
+    def noise(self, mean, epoch):
+        return np.array([[self.sigma**2]])
+
+    def residual(self, z, predicted):
+        return z - predicted
+
+    def mixture(self, mean, epoch):
+        return None
+
+
+def test_what_is_assigned_to_the_measurement_of_a_filter_reaches_the_user_s():
+    z = np.ones((2, 3, 1))
+    inside, outside = Unguarded(), Unguarded()
+    filters = [create_filter("ekf", LinearDynamics(F, Q), each) for each in (inside, outside)]
+    filters[0].measurement.sigma = outside.sigma = 5.0
+    assert inside.sigma == 5.0
+    np.testing.assert_array_equal(*(numbers(each, z) for each in filters))
+    inside.angles.append(0)
+    with pytest.raises(ValueError, match="angles of the measurement is"):
+        run_filter(filters[0], z, MEAN0, COV0)
+
+
+def test_between_two_runs_a_filter_s_measurement_is_asked_anew():
+    radar = MEASUREMENTS["radar"]()
+    filter = create_filter("ekf", LinearDynamics(F, Q), radar)
+    run_filter(filter, readings(radar, "radar"), MEAN0, COV0)
+    radar.noise = lambda mean, epoch: 9 * np.eye(3)
+    np.testing.assert_array_equal(filter.measurement.noise(MEAN0[None], 0), 9 * np.eye(3))
 
 
 def test_a_function_for_several_sensors_at_once_is_refused():

@@ -39,6 +39,7 @@ def changed(array, place, value):
         ({"cov0": CROOKED}, "cov0 is no covariance: it is not symmetric"),
         ({"cov0": np.diag([1.0, -1e-12])}, "cov0 is no covariance: the variance in row 1 is negative"),
         ({"cov0": np.stack([np.eye(2), np.eye(2), INDEFINITE])}, "cov0 of run 2 is no covariance"),
+        ({"cov0": np.full((2, 2), 1e308)}, "cov0 is no covariance: an entry exceeds 8.98847e+307"),
         ({"cov0": np.diag([1.0, np.nan])}, "cov0 is NaN at row 1, column 1"),
         ({"cov0": np.diag([np.inf, 1.0])}, "cov0 is infinite at row 0, column 0"),
         ({"cov0": 1j * np.eye(2)}, "cov0 holds complex numbers"),

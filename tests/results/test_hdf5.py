@@ -98,3 +98,14 @@ def test_what_is_no_single_text_or_number_is_none(tmp_path: Path, value: Any) ->
     with h5py.File(tmp_path / "file.h5", "w") as file:
         file.attrs["odd"] = value
         assert hdf5.attribute(file.id, "odd") is None
+
+
+def test_chunks_that_a_file_lacks_are_zeros(tmp_path: Path) -> None:
+    """HDF5 leaves their places as they are, which may be numbers that the process had before."""
+    with h5py.File(tmp_path / "lacks.h5", "w") as file:
+        dataset = file.create_dataset("x", (3000, 2), "<i8", chunks=(1, 2), fill_time="never")
+        dataset[0] = 7
+        before = np.full((3000, 2), 123456789, "<i8")
+        del before
+        found = hdf5.read(dataset.id)
+    np.testing.assert_array_equal(found, np.pad([[7, 7]], ((0, 2999), (0, 0))))

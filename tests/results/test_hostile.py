@@ -109,6 +109,7 @@ HOSTILE: dict[str, Callable[[h5py.File], None]] = {
     "times in another file": replaced(f"{CASE}/time", link=h5py.ExternalLink("other.h5", f"/{CASE}/time")),
     "times of another case": replaced(f"{CASE}/time", link=h5py.SoftLink("/case_001/time")),
     "no times": replaced(f"{CASE}/time"),
+    "times have no space": replaced(f"{CASE}/time", data=h5py.Empty("f8"), dtype=None),
     "truth of one run twice": replaced(f"{CASE}/trajectory", data=[0, 1, 1, 3, 4]),
     "failed is 7": replaced(f"{EKF}/failed", data=np.full(5, 7, "i1")),
     "failed as a compound": replaced(f"{EKF}/failed", data=np.zeros(5, [("a", "i1"), ("b", "i1")]), dtype=None),

@@ -7,12 +7,24 @@ without estimating them (Schmidt 1966): the filter sees a larger state and is ot
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step, is_still, moves_by_transition
+
+
+class unless_assigned:  # noqa: N801  # as `property`
+    """A property that a derived class, or one object, may be given another value of, as of any attribute."""
+
+    def __init__(self, found: Callable[[Any], bool]) -> None:
+        self._found = found
+        self.__doc__ = found.__doc__
+
+    def __get__(self, owner: Any, kind: type) -> bool:
+        return self._found(owner)
 
 
 class AugmentedDynamics:
@@ -82,15 +94,15 @@ class AugmentedDynamics:
         if not _is_covariance(np.block([[within], [within[:, n:].T, self._noise]])):
             raise ValueError("within_step and noise are no covariance of [x; b]")
 
-    @property
+    @unless_assigned
     def linear(self) -> bool:
         """Whether `propagate` is the multiplication, as it is where that of the base is."""
-        return self.base.linear and is_still(self, AugmentedDynamics.propagate)
+        return self.base.linear and is_still(self, AugmentedDynamics.propagate, AugmentedDynamics.transition)
 
-    @property
+    @unless_assigned
     def moves_by_transition(self) -> bool:
         """Whether a filter may do both in one."""
-        return moves_by_transition(self.base) and is_still(self, AugmentedDynamics.propagate)
+        return moves_by_transition(self.base) and self.linear
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return states (runs, ..., n + e) after the step."""
