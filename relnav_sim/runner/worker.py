@@ -116,4 +116,5 @@ def _make_ready() -> None:
         importlib.import_module("relnav_sim.kernels.compiler")  # before a plug-in imports numba itself
         prepare_worker()
         importlib.import_module("relnav_sim.runner.worker_task")
-    gc.freeze()  # modules stay
+    gc.freeze()
+    gc.unfreeze()  # which leaves all that is loaded counted as old, and seldom looked at

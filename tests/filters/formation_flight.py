@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache, partial
-from unittest.mock import patch
+from functools import cache
 
 import numpy as np
 
@@ -45,24 +44,14 @@ def training_rows(selection):
     return np.sort(np.random.default_rng(0).choice(STEPS_PER_REVOLUTION - 1, 500, replace=False))
 
 
+@cache
 def learned(target="residual", selection="random", variance="exact", calibrate=False):
     """Return dynamics learned from the first revolution, calibrated on the second if asked for."""
-    return _learned(target, selection, variance, calibrate)
-
-
-@cache
-def _learned(target, selection, variance, calibrate):
     x, rows = flight(), training_rows(selection)
     base = CW if target == "residual" else None
     second = slice(STEPS_PER_REVOLUTION, 2 * STEPS_PER_REVOLUTION)
     held_out = Transitions(x[:-1][second], x[1:][second]) if calibrate else None
-    fitted = partial(fit_gp_dynamics, x[rows], x[rows + 1], STEP_S, base, target, restarts=0)
-    if variance == "exact" and not calibrate:
-        return fitted()
-    # With the kernel of the plain ones, which it takes longest to search for.
-    kernels = [learned(target, selection).process.kernel]
-    with patch("relnav_sim.dynamics.gp.fit.fit_kernels", return_value=kernels):
-        return fitted(variance=variance, held_out=held_out)
+    return fit_gp_dynamics(x[rows], x[rows + 1], STEP_S, base, target, variance=variance, held_out=held_out, restarts=0)
 
 
 def position_and_velocity_rms(error):

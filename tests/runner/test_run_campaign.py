@@ -1,10 +1,12 @@
 """Whole campaigns: the same bits however the work is cut, extended, resumed; changes refused, nothing lost."""
 
 import shutil
+from typing import ClassVar
 
 import numpy as np
 import pytest
 from small_campaign import assert_same_bits, data_of
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from relnav_sim import open_results, run_campaign
 from relnav_sim.filters import registry
@@ -143,6 +145,27 @@ class Raises(KalmanFilter):
         if self.cursed and step.epoch == 12:
             raise ZeroDivisionError("the state became too interesting")
         return super().correct(belief, z, step)
+
+
+class CountsThreads(Raises):
+    """A filter that notes on how many threads the libraries of linear algebra compute."""
+
+    seen: ClassVar[list[int]] = []
+
+    def correct(self, belief, z, step):
+        self.seen.extend(library["num_threads"] for library in threadpool_info())
+        return KalmanFilter.correct(self, belief, z, step)
+
+
+def test_a_block_computes_on_one_thread(campaign, tmp_path, monkeypatch):
+    monkeypatch.setattr(CountsThreads, "seen", [])
+    registry.register_filter("counts_threads", GaussianFilterOptions)(CountsThreads)
+    of_one = campaign("filters={counts: {kind: counts_threads}}", "runs=1", "bound=false")
+    with threadpool_limits(2):
+        before = [library["num_threads"] for library in threadpool_info()]
+        run_campaign(of_one, tmp_path / "out.h5", backend="sequential")
+        assert [library["num_threads"] for library in threadpool_info()] == before
+    assert 2 in before and set(CountsThreads.seen) == {1}
 
 
 class Diverges(Raises):
