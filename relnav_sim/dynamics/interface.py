@@ -61,32 +61,24 @@ class Dynamics(Protocol):
         ...
 
 
+class _WithPropagate:
+    """Whether `propagate` is the multiplication by `transition`; a derived class, or one object, may say otherwise."""
+
+    def __get__(self, owner: Any, kind: Any) -> bool:
+        return kind.propagate is ByTransition.propagate and (owner is None or "propagate" not in vars(owner))
+
+
 class ByTransition:
     """Dynamics that move by their transition, unless a derived class, or one object, has another `propagate`."""
 
-    linear = moves_by_transition = leaves_arguments_alone = True
-
-    def __init_subclass__(cls, **given: Any) -> None:
-        """Take back what is promised of `propagate` where a class has another one, and does not promise it anew."""
-        super().__init_subclass__(**given)
-        for promise in _OF_PROPAGATE:
-            if _place(cls, "propagate") < _place(cls, promise):
-                setattr(cls, promise, False)
+    linear = moves_by_transition = _WithPropagate()
+    leaves_arguments_alone = True
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Set an attribute; where it is `propagate`, what is promised of it goes, until the class's own is put back."""
+        """Set an attribute; a function that is the class's own is only put back."""
         super().__setattr__(name, value)
-        if name == "propagate":
-            still = is_still(self, type(self).propagate)
-            for promise in _OF_PROPAGATE:
-                super().__setattr__(promise, still and getattr(type(self), promise))
-
-    def __delattr__(self, name: str) -> None:
-        """Remove an attribute; with `propagate` what was taken back of it."""
-        super().__delattr__(name)
-        if name == "propagate":
-            for promise in _OF_PROPAGATE:
-                vars(self).pop(promise, None)
+        if name in ("propagate", "transition", "process_noise") and is_still(self, getattr(type(self), name)):
+            super().__delattr__(name)
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return F x for every state, (runs, ..., n)."""
@@ -95,14 +87,6 @@ class ByTransition:
     def transition(self, mean: Array, step: Step) -> Array:
         """Return F of this epoch, (n, n)."""
         raise NotImplementedError
-
-
-_OF_PROPAGATE = ("linear", "moves_by_transition")
-
-
-def _place(kind: type, name: str) -> int:
-    """Return how far from a class the one is that says what it has under a name."""
-    return next(place for place, each in enumerate(kind.__mro__) if name in vars(each))
 
 
 class LinearDynamics(ByTransition):
