@@ -11,10 +11,12 @@ from relnav_sim.safe_path import safe_path
 LONGEST_S = 60.0
 _LOADS = """
 spare = bytearray(100_000_000)
-import joblib, numpy, relnav_sim.runner.compute
+import joblib, numpy, scipy.linalg, scipy.special, relnav_sim.runner.compute
 numpy.linalg.inv(numpy.eye(200)) @ numpy.eye(200)
+scipy.linalg.expm(numpy.eye(200))
 """
-"""What every process of a campaign needs, and some room. BLAS may wait for ever for memory that it does not get."""
+"""What every process of a campaign needs, and some room. BLAS may wait for ever for memory that it does not get: that of
+NumPy, and that of SciPy, which is another one."""
 
 
 def too_little_memory() -> str | None:

@@ -115,6 +115,7 @@ def _make_ready() -> None:
         hush()  # the campaign's process has said it
         importlib.import_module("relnav_sim.kernels.compiler")  # before a plug-in imports numba itself
         prepare_worker()
-        importlib.import_module("relnav_sim.runner.worker_task")
+        for name in ("relnav_sim.runner.worker_task", "scipy.linalg", "scipy.special"):  # those two within every task
+            importlib.import_module(name)
     gc.freeze()
     gc.unfreeze()  # which leaves all that is loaded counted as old, and seldom looked at

@@ -59,7 +59,7 @@ def test_shards_go_into_the_journal(dask, make_campaign, tmp_path, monkeypatch, 
         leave = dask_cluster.leave_token
         monkeypatch.setattr(dask_cluster, "leave_token", lambda folder: replace(leave(folder), secret="another"))
     monkeypatch.setattr(job, "MOST_LOOSE", 3)
-    monkeypatch.setattr(job, "pack", lambda folder: shard_files.pack(folder, 3))
+    monkeypatch.setattr(job, "pack", lambda folder, most_loose=3: shard_files.pack(folder, most_loose))
     out = run_campaign(campaign, tmp_path / "dask.h5", **dask)
     folder = Path(f"{out}.shards")
     loose, held = list(folder.glob("*.h5")), shard_files.held_shards(folder)[0]
