@@ -15,8 +15,10 @@ import joblib, numpy, scipy.linalg, scipy.special, relnav_sim.runner.compute
 numpy.linalg.inv(numpy.eye(200)) @ numpy.eye(200)
 scipy.linalg.expm(numpy.eye(200))
 """
-"""What every process of a campaign needs, and some room. BLAS may wait for ever for memory that it does not get: that of
-NumPy, and that of SciPy, which is another one."""
+"""What every process of a campaign needs, and some room.
+
+BLAS, of which NumPy and SciPy have one each, may wait for ever for memory that it does not get.
+"""
 
 
 def too_little_memory() -> str | None:
