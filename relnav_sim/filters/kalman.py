@@ -105,7 +105,7 @@ class GaussianFilter(KeepsModels):
         """Return the corrected belief with the considered states as predicted."""
         if self._single is not None:
             return self._single.keep_considered(predicted, corrected)
-        considered = getattr(self.dynamics, "considered", None)
+        considered = getattr(self.dynamics, "considered", None)  # as `considered_states`, without more calls an epoch
         return corrected if considered is None else keep_considered(predicted, corrected, tuple(considered))
 
     def epochs_by(
